@@ -49,11 +49,11 @@ from desplat_ns.gaussians.densification import strategy_info
 from desplat_ns.nerfstudio_quirks import splatfacto_modules_without_downloads
 from desplat_ns.rendering.metrics import psnr, ssim
 from desplat_ns.settings.effects import EffectsConfig
-from desplat_ns.studies.machine import code_version, describe_machine, device_name
-from desplat_ns.studies.records import markdown_table
-from lab import CHECKOUT, DOCS, OUTPUTS, parser_of
+from desplat_ns.studies.machine import code_version, device_name
+from lab import CHECKOUT, DOCS, OUTPUTS, markdown_table, parser_of
 from lab.bench.drawing import TODAY, Drawing, contenders, errors_of
 from lab.bench.scenes import make_scene
+from lab.machine import describe_machine
 from lab.synthetic import SceneSpec, write_scene
 
 SECONDS = 570

@@ -19,8 +19,7 @@ from desplat_ns.data.on_the_go import on_the_go_dataparser
 from desplat_ns.data.robustnerf import robustnerf_dataparser
 from desplat_ns.layouts.dataparser import desplat_dataparser
 from desplat_ns.photo_tourism.dataparser import photo_tourism_dataparser
-from desplat_ns.studies.records import markdown_table
-from lab import DOCS
+from lab import DOCS, markdown_table
 
 REPORT = DOCS / "reference" / "options.md"
 

@@ -11,7 +11,7 @@ import tyro
 
 from desplat_ns.commands import run
 from desplat_ns.console import announce
-from desplat_ns.errors import CaptureError
+from desplat_ns.errors import CaptureError, ConfigError
 from desplat_ns.settings.options import check_ranges, ranged
 from desplat_ns.studies.paper import TABLES, TableName, method_of
 
@@ -63,7 +63,12 @@ class Arguments:
         from desplat_ns.studies.reproduce import Smoke, reproduce
         from desplat_ns.studies.runs import Executor
 
-        here = self.ray_address is None
+        is_here = self.ray_address is None
+        if is_here and not self.smoke and method_config("desplat").machine.device_type == "cpu":
+            raise ConfigError(
+                "This machine has no GPU, on which the runs are meant to be done. Add --smoke to "
+                "try the same with few steps and small photos."
+            )
         folder = reproduce(
             table,
             self.data,
@@ -71,7 +76,6 @@ class Arguments:
             methods,
             self.seeds,
             Executor(self.executor, self.jobs, self.ray_address),
-            method_config("desplat").machine.device_type if here else "cuda",
             Smoke() if self.smoke else None,
         )
         announce(f"Written: {folder / 'table.md'}, and table.json beside it.")

@@ -34,8 +34,8 @@ class Arguments:
     time: str = "30min"
     """Wall time for the whole study, earlier sessions included."""
     output: Path = Path("tradeoff")
-    """Folder for the report, its plot, records.jsonl and what is trained. What is there already is
-    gone on with."""
+    """Folder for the report, records.jsonl and what is trained. What is there already is gone on
+    with."""
     jobs: int = ranged(0, "[0, inf)")
     """Trainings beside each other, one thread each; 0: one on a GPU, else one for each core, eight
     at most."""

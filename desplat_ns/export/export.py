@@ -16,7 +16,7 @@ from torch import Tensor
 from desplat_ns.backend.protocol import Rendering, View
 from desplat_ns.console import announce, progress_over
 from desplat_ns.errors import ConfigError
-from desplat_ns.export.formats import Frame, Naming, format_of
+from desplat_ns.export.formats import UPRIGHT, Frame, Naming, format_of
 from desplat_ns.export.gltf import glb_bytes
 from desplat_ns.export.masks import dilated, distractor_mask, mask_names, photos_on_disk
 from desplat_ns.export.ply import ply_bytes
@@ -32,7 +32,6 @@ from desplat_ns.runs.files import RunFiles
 from desplat_ns.runs.loading import even_subset, load_run
 
 WRITERS = {".ply": ply_bytes, ".spz": spz_bytes, ".glb": glb_bytes}
-"""By the endings of `formats.FORMATS`."""
 
 MOST_CROP_VIEWS = 100
 """Training views that are looked through to find how far the cameras look."""
@@ -51,22 +50,22 @@ def export_splats(
 
     Arguments as of `desplat-export splats`. Raises as `load_run`, `static_cloud`, `similarity_to`.
     """
-    kind, ending = format_of(output), output.suffix.lower()
+    ending = format_of(output)
     pipeline = load_run(files).pipeline
     cloud, _ = static_cloud(pipeline, crop, light)
     outputs = pipeline.datamanager.train_dataparser_outputs
     transform = outputs.dataparser_transform.numpy()
-    to_file = similarity_to(frame, transform, outputs.dataparser_scale, kind.upright_axes)
+    to_file = similarity_to(frame, transform, outputs.dataparser_scale, UPRIGHT[ending])
     cloud, left_out = moved(cloud, to_file), []
     if ending == ".spz":
-        near, left_out = placed(cloud)
-        cloud = cloud.rows(near)
+        near, told = placed(cloud)
+        cloud, left_out = cloud.rows(near), [told] if told else []
     content = WRITERS[ending](cloud)
     with plain_errors(output):
         write_whole(output, content)
     announce(
-        f"Saved {output}: {kind.name}, {len(cloud)} Gaussians with harmonics of degree "
-        f"{cloud.degree}, {len(content) / 1e6:.2f} MB."
+        f"Saved {output}: {len(cloud)} Gaussians with harmonics of degree {cloud.degree}, "
+        f"{len(content) / 1e6:.2f} MB."
     )
     if pipeline.model.effects.background != "off":
         left_out.append(
@@ -145,7 +144,8 @@ def static_cloud(
     if not kept.any():
         raise ConfigError(
             f"--crop {crop:g} leaves none of {len(cloud)} Gaussians. Give a larger number; 2 "
-            "keeps what is up to twice as far away as the cameras look."
+            "keeps what is up to twice as far away as the cameras look. Where nothing that they "
+            "show is solid yet, train longer."
         )
     announce(f"--crop {crop:g} keeps {kept.sum()} of them and leaves out {(~kept).sum()}.")
     rows[rows.clone()] = torch.from_numpy(kept).to(rows.device)
@@ -176,21 +176,13 @@ def within(
 
     Args:
         rasterize: the static scene with its depth.
-
-    Raises:
-        ConfigError: no view shows anything.
     """
-    kept, is_known = np.zeros(len(means), bool), False
+    kept = np.zeros(len(means), bool)
     for view in views:
         reach = reach_of(view, rasterize)
         if reach is not None:
-            place, is_known = view.center.double().cpu().numpy(), True
+            place = view.center.double().cpu().numpy()
             kept |= np.square(means - place).sum(axis=1) <= (factor * reach) ** 2
-    if not is_known:
-        raise ConfigError(
-            "No training view shows anything solid, so how far the cameras look is not known. "
-            "Train longer, or leave out --crop."
-        )
     return kept
 
 

@@ -7,7 +7,7 @@ To add one, write a function from a `SplatCloud` to the file's bytes and enter i
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import Literal
 
 from desplat_ns.errors import ConfigError
 
@@ -26,29 +26,16 @@ Y_UP: Axes = ((1, 0, 0), (0, 0, 1), (0, -1, 0))
 Y_DOWN: Axes = ((1, 0, 0), (0, 0, -1), (0, 1, 0))
 """... as x right, y down, z forward: what viewers expect of a PLY, and turn upright."""
 
-
-class Format(NamedTuple):
-    """A file format for splats."""
-
-    name: str
-    upright_axes: Axes
-    """From nerfstudio's axes to those that viewers take for upright in such a file."""
+UPRIGHT: dict[str, Axes] = {".ply": Y_DOWN, ".spz": Y_UP, ".glb": Y_UP}
+"""By a file's ending: from nerfstudio's axes to those that viewers take for upright in it."""
 
 
-FORMATS = {
-    ".ply": Format("PLY", Y_DOWN),
-    ".spz": Format("SPZ", Y_UP),
-    ".glb": Format("glTF with KHR_gaussian_splatting", Y_UP),
-}
-
-
-def format_of(path: Path) -> Format:
-    """The format that a file's name asks for. Raises ConfigError where none has this ending."""
-    suffix = path.suffix.lower()
-    if suffix not in FORMATS:
-        known = ", ".join(f"{suffix} ({kind.name})" for suffix, kind in FORMATS.items())
+def format_of(path: Path) -> str:
+    """The ending of a file's name. Raises ConfigError where no format has it."""
+    ending = path.suffix.lower()
+    if ending not in UPRIGHT:
         raise ConfigError(
-            f"--output is '{path}'; give it one of the endings {known}. `desplat-export page` "
-            "writes .html."
+            f"--output is '{path}'; give it one of the endings {', '.join(UPRIGHT)}. "
+            "`desplat-export page` writes .html."
         )
-    return FORMATS[suffix]
+    return ending

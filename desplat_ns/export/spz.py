@@ -57,7 +57,13 @@ def spz_bytes(cloud: SplatCloud) -> bytes:
     Raises:
         ConfigError: coordinates are too large for the format.
     """
-    bits = fractional_bits(cloud.means)
+    farthest = float(np.abs(cloud.means).max(initial=0.0))
+    bits = fractional_bits(farthest)
+    if bits < 0:
+        raise ConfigError(
+            f"A Gaussian lies {farthest:.3g} units from the origin; SPZ holds {LARGEST:.3g} at "
+            "most. Leave out what is far away (--crop 2), or write .glb or .ply."
+        )
     flags = ANTIALIASED if cloud.antialiased else 0
     header = struct.pack("<IIIBBBB", MAGIC, VERSION, len(cloud), cloud.degree, bits, flags, 0)
     attributes = (
@@ -78,57 +84,37 @@ def color_bytes(cloud: SplatCloud) -> UInt8[np.ndarray, " B"]:
     return np.concatenate([_zeroth(cloud).ravel(), _others(cloud).ravel()])
 
 
-def placed(cloud: SplatCloud) -> tuple[Bool[np.ndarray, " N"], list[str]]:
-    """For which Gaussians a file has places that are precise enough, and what to tell a user.
+def placed(cloud: SplatCloud) -> tuple[Bool[np.ndarray, " N"], str]:
+    """For which Gaussians a file has places that are precise enough, and what to tell a user, if
+    there is something.
 
     A place is rounded to a multiple of 2^-bits, so it is off by 2^-bits / 2 at most: by `OFF_BY` of
     a scale s, or less, from bits = ceil(log2(1 / (2 OFF_BY s))) on. A share `PRECISE` of the
     Gaussians is larger than s. With these bits coordinates end at LARGEST / 2^bits. Gaussians
     beyond are left out, at most a share `FAR` of all: one that floats far away would coarsen all
-    the others. A line says where that does not suffice.
+    the others.
     """
     reach = np.abs(cloud.means).max(axis=1)
     size = float(np.quantile(np.sort(cloud.scales, axis=1)[:, 1], 1 - PRECISE))
     needed = math.ceil(-math.log2(2 * OFF_BY * size))
-    with_all = _room(reach.max())
-    bits = max(with_all, min(needed, _room(np.quantile(reach, 1 - FAR, method="higher"))))
+    with_all = fractional_bits(reach.max())
+    with_most = fractional_bits(np.quantile(reach, 1 - FAR, method="higher"))
+    bits = max(with_all, min(needed, with_most))
     near = reach <= LARGEST / 2.0**bits
-    lines = []
-    if not near.all():
-        lines.append(
-            f"Not in the file: {(~near).sum()} of {len(cloud)} Gaussians, more than "
-            f"{LARGEST / 2.0**bits:.3g} units from the origin. With them SPZ would round all "
-            f"places to steps of {2.0**-with_all:.3g} units, and Gaussians are as small as "
-            f"{size:.2g}. Write .glb or .ply, or leave out more of what is far away: --crop 2."
-        )
-    step = 2.0 ** -_room(reach[near].max())
-    if step / 2 > OFF_BY * size:
-        lines.append(
-            f"SPZ rounds places to steps of {step:.3g} units here, and Gaussians are as small as "
-            f"{size:.2g}: the picture suffers. Leave out what is far away (--crop 2), or write "
-            ".glb or .ply."
-        )
-    return near, lines
+    step = 2.0 ** -fractional_bits(reach[near].max())
+    if near.all() and step / 2 <= OFF_BY * size:
+        return near, ""
+    return near, (
+        f"Not in the file: {(~near).sum()} of {len(cloud)} Gaussians, more than "
+        f"{LARGEST / 2.0**bits:.3g} units from the origin. SPZ rounds the places of the others to "
+        f"steps of {step:.3g} units, and Gaussians are as small as {size:.2g}. Write .glb or .ply, "
+        "or leave out more of what is far away: --crop 2."
+    )
 
 
-def fractional_bits(means: Float[np.ndarray, "N 3"]) -> int:
-    """Binary places that leave room for the largest coordinate. Raises ConfigError where it lies
-    beyond what the format can hold."""
-    farthest = float(np.abs(means).max(initial=0.0))
-    bits = _room(farthest)
-    if bits < 0:
-        raise ConfigError(
-            f"A Gaussian lies {farthest:.3g} units from the origin; SPZ holds {LARGEST:.3g} at "
-            "most. Leave out what is far away (--crop 2), or write .glb or .ply."
-        )
-    return bits
-
-
-def _room(coordinate: float) -> int:
+def fractional_bits(coordinate: float) -> int:
     """Binary places beside which a coordinate has room; below 0 where it has none at all."""
-    if coordinate == 0:
-        return MAX_FRACTIONAL_BITS
-    return min(MAX_FRACTIONAL_BITS, math.floor(math.log2(LARGEST / coordinate)))
+    return min(MAX_FRACTIONAL_BITS, math.floor(math.log2(LARGEST / max(coordinate, 1.0))))
 
 
 def _fixed_point(means: Float[np.ndarray, "N 3"], bits: int) -> UInt8[np.ndarray, "N 9"]:

@@ -52,9 +52,6 @@ MOST_PHOTOS, MOST_GAUSSIANS = 300, 500
 """Photos among which lights are chosen, and Gaussians by whose colours they are compared; of more,
 as many evenly chosen."""
 
-ROUNDING = 1e-5
-"""Share by which sums of a few hundred distances in float32 may differ though these are equal."""
-
 WEIGHING_VIEWS = 30
 """Training views in which Gaussians are weighed, evenly chosen."""
 
@@ -314,21 +311,15 @@ def standing_for_all(
     lights: Float[Tensor, "V C"], first: Float[Tensor, " C"], count: int
 ) -> list[int]:
     """Which of V lights to take beside the first one: one after the other, each such that all V are
-    nearest to those that are taken, in the sum of their distances to the nearest one.
-
-    Fewer than `count` if more would bring nothing nearer.
+    nearest to those that are taken, in the sum of their distances to the nearest one. None twice.
     """
     exact = "donot_use_mm_for_euclid_dist"  # by products, lights that are equal are 0.01 apart
     among = torch.cdist(lights, lights, compute_mode=exact)
-    nearest, chosen = (lights - first).norm(dim=1), []
-    while len(chosen) < count:
-        left = torch.minimum(nearest, among).sum(dim=1)
-        best = int(left.argmin())
-        if not left[best] < (1 - ROUNDING) * nearest.sum():
-            break
-        chosen.append(best)
-        nearest = torch.minimum(nearest, among[best])
-    return chosen
+    nearest, chosen = (lights - first).norm(dim=1), list[int]()
+    for _ in range(count):
+        chosen.append(int(torch.minimum(nearest, among).sum(dim=1).argmin()))
+        nearest = torch.minimum(nearest, among[chosen[-1]])
+    return list(dict.fromkeys(chosen))
 
 
 def mean_background(model: DeSplatModel, view: View, embedding: Tensor) -> Color:

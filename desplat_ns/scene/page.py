@@ -8,7 +8,7 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -31,8 +31,6 @@ STYLE = HERE / "scene.css"
 VIEWER = HERE / "viewer" / "viewer.js.gz"
 WASM = HERE / "viewer" / "spark.wasm.gz"
 
-MEGABYTE = 1_000_000
-
 PICTURES_SHARE, PICTURES_MOST = 0.4, 9_000_000
 """Of the page's bytes that pictures may take, and bytes that they take at most."""
 
@@ -44,9 +42,6 @@ LEAST = 100
 
 MARGIN = 0.97
 """Of the bytes that are there: a reduced file's Gaussians take a little more each."""
-
-LIGHTS_FRAME = 500
-"""Bytes for a light beside its colours and its name, which is there twice and may be escaped."""
 
 
 def write_scene(
@@ -63,12 +58,11 @@ def write_scene(
     Arguments as of `desplat-export page`. Raises as `load_run`, `gather` and `html_of`.
     """
     contents = gather(load_run(files), most_training, most_held_out, crop, light)
-    text, left_out = html_of(contents, int(megabytes * MEGABYTE))
+    text, left_out = html_of(contents, int(megabytes * 1e6))
     content = text.encode()
     with plain_errors(output):
         write_whole(output, content)
-    size = len(content) / MEGABYTE
-    announce(f"Saved {output}: a page with the scene in it, {size:.1f} MB.")
+    announce(f"Saved {output}: a page with the scene in it, {len(content) / 1e6:.1f} MB.")
     for line in left_out:
         announce(line, warning=True)
 
@@ -94,16 +88,16 @@ def html_of(contents: Contents, most: int) -> tuple[str, list[str]]:
         shown = {"index": index, "photo": next(sources), "distractors": distractors}
         cameras.append({**camera.as_json(), **shown})
     renderings = [(name, next(sources)) for name, _ in contents.pictures]
-    near, lines = placed(contents.cloud)
+    near, told = placed(contents.cloud)
     cloud = contents.cloud.rows(near)
 
-    def page(scene: Fitted | None, reduced: str = "", others: Sequence[Any] = ()) -> str:
+    def page(scene: str, kept: int, reduced: str = "", others: Sequence[Any] = ()) -> str:
         first = {"name": contents.light, "background": contents.background, "change": ""}
         lights = [first, *others]
         return template(TEMPLATE).render(
             page=contents,
-            scene="" if scene is None else _text(scene.content),
-            kept=0 if scene is None else scene.rows.sum(),
+            scene=scene,
+            kept=kept,
             reduced=reduced,
             cameras=cameras,
             lights=lights,
@@ -115,31 +109,31 @@ def html_of(contents: Contents, most: int) -> tuple[str, list[str]]:
             wasm=_text(WASM.read_bytes()),
         )
 
-    room = most - len(page(None).encode()) - 1_000
+    room = most - len(page("", 0).encode()) - 1_000
     turned, reduced = moved(cloud, TO_PAGE), ""
-    scene = fitted(turned, int(room * BASE64), lambda _: contents.weigh(cloud))
-    if not scene.rows.all():
+    content, chosen, share = fitted(turned, int(room * BASE64), lambda _: contents.weigh(cloud))
+    shown = turned.rows(chosen)
+    if len(shown) < len(cloud):
         reduced = (
-            f"Reduced to fit: {scene.rows.sum():,} of {len(cloud):,} Gaussians, which make up "
-            f"{scene.share:.1%} of what the photos show."
+            f"Reduced to fit: {len(shown):,} of {len(cloud):,} Gaussians, which make up "
+            f"{share:.1%} of what the photos show."
         )
-    rows = near.nonzero()[0][scene.rows]
-    one_light = len(page(scene, reduced).encode())
-    room, others = min(one_light, most - one_light), list[dict[str, Any]]()
-    shown = turned.rows(scene.rows)
+    rows = near.nonzero()[0][chosen]
+    scene = _text(content), len(shown), reduced
+    limit, others = min(2 * len(page(*scene).encode()), most), list[dict[str, Any]]()
     for light in contents.other_lights:
         # What has to be added to the bytes of the first light's colours, modulo 256, packs well.
         harmonics = turned_harmonics(light.harmonics[rows], TO_PAGE.turn)
         change = color_bytes(replace(shown, harmonics=harmonics)) - color_bytes(shown)
         text = _text(gzip.compress(change.tobytes(), mtime=0))
-        room -= len(text) + LIGHTS_FRAME + 10 * len(light.name.encode())
-        if room < 0:
-            break
         others.append({"name": light.name, "background": light.background, "change": text})
-    lines += [contents.not_shown, reduced]
+        if len(page(*scene, others).encode()) > limit:
+            others.pop()
+            break
+    lines = [told, contents.not_shown, reduced]
     if reduced and len(others) < len(contents.other_lights):
         lines.append(f"Room for {len(others)} of {len(contents.other_lights)} other lights.")
-    return page(scene, reduced, others), [line for line in lines if line]
+    return page(*scene, others), [line for line in lines if line]
 
 
 def script() -> str:
@@ -152,21 +146,11 @@ def _text(content: bytes) -> str:
     return base64.b64encode(content).decode()
 
 
-class Fitted(NamedTuple):
-    """A cloud as a file, and what was left out for it."""
-
-    content: bytes
-    """SPZ."""
-    rows: Bool[np.ndarray, " N"]
-    """Which of the cloud's Gaussians are kept."""
-    share: float
-    """Of the photos that what is kept makes up, in [0, 1]: blending weights over their sum."""
-
-
 def fitted(
     cloud: SplatCloud, most: int, weigh: Callable[[SplatCloud], Float[np.ndarray, " N"]]
-) -> Fitted:
-    """The cloud as SPZ of at most so many bytes.
+) -> tuple[bytes, Bool[np.ndarray, " N"], float]:
+    """The cloud as SPZ of at most so many bytes; which Gaussians are kept; and the share of the
+    photos that they make up, in [0, 1]: blending weights over their sum.
 
     Args:
         weigh: gives what each Gaussian makes up of the photos; called where not all fit.
@@ -176,7 +160,7 @@ def fitted(
     """
     content = spz_bytes(cloud)
     if len(content) <= most:
-        return Fitted(content, np.ones(len(cloud), bool), 1.0)
+        return content, np.ones(len(cloud), bool), 1.0
     weights, count = weigh(cloud), len(cloud)
     order = np.argsort(-weights, kind="stable")
     chosen = np.ones(count, bool)
@@ -190,4 +174,4 @@ def fitted(
             )
         chosen[order[count:]] = False
         content = spz_bytes(cloud.rows(chosen))
-    return Fitted(content, chosen, float(weights[order[:count]].sum() / weights.sum()))
+    return content, chosen, float(weights[order[:count]].sum() / weights.sum())

@@ -6,18 +6,12 @@ import datetime
 import platform
 import re
 import subprocess
-from importlib.metadata import version
 from pathlib import Path
 
-import psutil
-
 import desplat_ns
-from desplat_ns.cores import cores
 
 DIRTY = "-dirty"
 """Ends the commit where files of the package differ from it."""
-
-PACKAGES = ("torch", "numba", "llvmlite", "numpy", "gsplat", "nerfstudio")
 
 
 def code_version(package: Path | None = None) -> str:
@@ -48,20 +42,6 @@ def short(commit: str) -> str:
 def today() -> str:
     """The day, ISO 8601, UTC."""
     return datetime.datetime.now(datetime.timezone.utc).date().isoformat()
-
-
-def describe_machine() -> dict[str, str]:
-    """Processor, memory, system, versions, commit and date, each as a text to print."""
-    return {
-        "Processor": processor(),
-        "Cores": str(cores()),
-        "Memory": f"{psutil.virtual_memory().total / 2**30:.0f} GiB",
-        "System": f"{platform.system()} {platform.machine()}",
-        "Python": platform.python_version(),
-        **{name: version(name) for name in PACKAGES},
-        "Commit": short(code_version()),
-        "Date": today(),
-    }
 
 
 def device_name(device: str) -> str:

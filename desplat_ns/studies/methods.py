@@ -5,7 +5,6 @@ from __future__ import annotations
 import copy
 import importlib
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -58,23 +57,11 @@ def splits_of(method: str, data: Path, parser: Sequence[str], *splits: str) -> l
     return outputs
 
 
-@dataclass(frozen=True)
-class Content:
-    """What the data parser finds in a capture."""
-
-    photos: int
-    """Of the training split."""
-    held_out: int
-    """Photos to score."""
-    width: int
-    height: int
-    """Pixels of the median training photo."""
-    points: int = 0
-    """To start from; with none, training starts at random."""
-
-
-def content_of(train: Any, test: Any) -> Content:
-    """What is in two splits."""
-    cameras, points = train.cameras, train.metadata.get("points3D_xyz")
-    size = int(cameras.width.median()), int(cameras.height.median())
-    return Content(len(cameras), len(test.cameras), *size, 0 if points is None else len(points))
+def content_of(train: Any, test: Any) -> str:
+    """What is in two splits, in words; sizes are pixels of the median training photo."""
+    cameras, points = train.cameras, train.metadata.get("points3D_xyz", ())
+    width, height = int(cameras.width.median()), int(cameras.height.median())
+    return (
+        f"{len(cameras)} photos train, {len(test.cameras)} test, {width} x {height}, "
+        f"{len(points)} points"
+    )

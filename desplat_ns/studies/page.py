@@ -1,22 +1,21 @@
 """The page of a study: medians over seeds, which differences are real, a plot; one HTML file that
-needs no other, and the plot beside it."""
+needs no other."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from itertools import cycle
 from pathlib import Path
 from statistics import fmean, median, stdev
 from typing import Any, NamedTuple
 
 from desplat_ns.files.pages import chart, inline_svg, plain_logarithmic, svg_of, template
 from desplat_ns.files.whole import plain_errors, write_whole
-from desplat_ns.studies.machine import describe_machine
-from desplat_ns.studies.records import Key, Record
+from desplat_ns.studies.records import Key, Record, conditions_of
 from desplat_ns.studies.runs import Run
 from desplat_ns.studies.tradeoff import BASE, SEEDS, Study, compared
 
-PAGE = "report.html"
 TEMPLATE = Path(__file__).with_name("page.html.jinja")
 
 SIGNIFICANT = 0.05
@@ -63,13 +62,10 @@ def p_value(gains: Sequence[float]) -> float:
     """p of a paired t-test, two-sided, of the three differences between three seeds.
 
     With two degrees of freedom Student's distribution has a closed form,
-    P(|T| >= t) = 1 - t / sqrt(t^2 + 2).
+    P(|T| >= t) = 1 - t / sqrt(t^2 + 2), for t = mean / error.
     """
     mean, error = fmean(gains), stdev(gains) / math.sqrt(3)
-    if error == 0:
-        return float(mean == 0)
-    t = abs(mean / error)
-    return 2 / (math.hypot(t, math.sqrt(2)) * (math.hypot(t, math.sqrt(2)) + t))
+    return 1 - abs(mean) / math.hypot(mean, math.sqrt(2) * error) if mean else 1.0
 
 
 def corrected(p_values: Sequence[float]) -> list[float]:
@@ -107,35 +103,25 @@ def verdicts(points: Sequence[Measured]) -> list[str]:
 
 
 def write_page(study: Study) -> Path:
-    """Draw the plot and write the page; where it is. Raises ConfigError where it cannot."""
-    points, variants = measured(study.planned, study.records), compared(study.capture.effects)
-    columns = {
-        name: column for name, column in COLUMNS.items() if any(p.values(name) for p in points)
-    }
-    rows = [
-        {
-            "what": variants[point.variant][0],
-            "steps": point.steps,
-            "cells": [spread(point.values(name), form) for name, (_, form) in columns.items()],
-            "seeds": len(point.scores),
-            "verdict": verdict,
-        }
-        for point, verdict in zip(points, verdicts(points), strict=True)
-    ]
+    """Write the page; where it is. Raises ConfigError where it cannot."""
+    page, points = study.output / "report.html", measured(study.planned, study.records)
+    missing = (run.name for run in study.planned if run.key not in study.records)
     with plain_errors(study.output):
         text = template(TEMPLATE, spread=spread).render(
             study=study,
-            capture=study.capture,
-            effects=study.capture.effects.words or "none",
+            left_out=[name for name in missing if name not in study.failed],
             seeds=len(SEEDS),
             significant=SIGNIFICANT,
-            head=[title for title, _ in columns.values()],
-            rows=rows,
-            plot=inline_svg(draw(study.output, points)) if points else "",
-            machine=describe_machine(),
+            columns={
+                name: of for name, of in COLUMNS.items() if any(p.values(name) for p in points)
+            },
+            variants=compared(study.effects),
+            rows=list(zip(points, verdicts(points), strict=True)),
+            plot=drawn(points),
+            conditions=conditions_of(study.records.values()),
         )
-        write_whole(study.output / PAGE, text.encode())
-    return study.output / PAGE
+        write_whole(page, text.encode())
+    return page
 
 
 def spread(values: Sequence[float | int], form: str) -> str:
@@ -147,27 +133,16 @@ def spread(values: Sequence[float | int], form: str) -> str:
     return f"{text} ({min(values):{form}} to {max(values):{form}})" if several else text
 
 
-def draw(folder: Path, points: Sequence[Measured]) -> str:
-    """Draw PSNR over the training time as training.svg and training.png; the SVG. Bars reach from
-    the least to the largest of the seeds."""
-
-    def bars(mine: Sequence[Measured], name: str) -> tuple[list[float | int], Any]:
-        """Medians, and how far the least and the largest are from them."""
-        seeds = [point.values(name) for point in mine]
-        middles = [median(values) for values in seeds]
-        pairs = list(zip(middles, seeds, strict=True))
-        return middles, [[m - min(v) for m, v in pairs], [max(v) - m for m, v in pairs]]
-
+def drawn(points: Sequence[Measured]) -> str:
+    """PSNR over the training time, a mark for each training, as SVG for the page."""
     with chart("training", (6.6, 4.4)) as axes:
         axes.set(xlabel="training time, s of wall time", ylabel="PSNR of right halves, dB")
         plain_logarithmic(axes.xaxis)
-        for index, variant in enumerate(dict.fromkeys(point.variant for point in points)):
+        variants = dict.fromkeys(point.variant for point in points)
+        for variant, marker in zip(variants, cycle(MARKERS)):
             mine = [point for point in points if point.variant == variant]
-            (x, across), (y, along) = (bars(mine, name) for name in ("train_wall_seconds", "psnr"))
-            form = MARKERS[index % len(MARKERS)] + "-" * (variant == BASE)
-            axes.errorbar(x, y, along, across, form, label=variant, capsize=2)
+            x = [value for point in mine for value in point.values("train_wall_seconds")]
+            y = [value for point in mine for value in point.values("psnr")]
+            axes.plot(x, y, marker, alpha=0.6, label=variant)
         axes.legend(frameon=False, fontsize=8, ncols=2)
-        text = svg_of(axes)
-        (folder / "training.svg").write_text(text, "utf8")
-        axes.figure.savefig(folder / "training.png", dpi=130, metadata={"Software": None})
-    return text
+        return inline_svg(svg_of(axes))

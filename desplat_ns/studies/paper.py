@@ -44,8 +44,7 @@ class DataSet:
     """A data set as the paper uses it (B.1); docs/compare-with-desplat.md has the protocols."""
 
     name: str
-    folder: str
-    """That `desplat-fetch-data` makes for it."""
+    """Also of the folder that `desplat-fetch-data` makes for it."""
     parser: tuple[str, ...]
     """Name and options of the data parser, as `ns-train` takes them, but for the resolution."""
     scoring: ProtocolName = "full"
@@ -88,15 +87,13 @@ def _scenes(data_set: DataSet, fetch: str, downscale: int, names: str) -> tuple[
     return tuple(PaperScene(data_set, name, folder, downscale, fetch) for name, folder in pairs)
 
 
-ROBUSTNERF = DataSet("robustnerf", "robustnerf", ("robustnerf-data",))
+ROBUSTNERF = DataSet("robustnerf", ("robustnerf-data",))
 _FIVE = "Statue:statue Android:android Crab_(1):crab1 Crab_(2):crab2 Yoda:yoda"
 ROBUSTNERF_SCENES = _scenes(ROBUSTNERF, "robustnerf", 8, _FIVE)
 
-ROBUSTNERF_RATIOS = replace(ROBUSTNERF, name="robustnerf-ratios")
 RATIO_SCENES = tuple(
     replace(
         scene,
-        data_set=ROBUSTNERF_RATIOS,
         name=f"{scene.name}, {ratio:.0%} cluttered",
         options=("--train-split-clean-clutter-ratio", str(ratio)),
         key=f"{scene.folder}-{100 * ratio:.0f}",
@@ -105,7 +102,7 @@ RATIO_SCENES = tuple(
     for ratio in RATIOS
 )
 
-ON_THE_GO = DataSet("on-the-go", "on-the-go", ("on-the-go-data",))
+ON_THE_GO = DataSet("on-the-go", ("on-the-go-data",))
 ON_THE_GO_SCENES = (
     *_scenes(ON_THE_GO, "on-the-go", 8, "Mountain:mountain Fountain:fountain Corner:corner"),
     *_scenes(ON_THE_GO, "on-the-go", 4, "Patio:patio"),
@@ -113,7 +110,6 @@ ON_THE_GO_SCENES = (
 )
 
 PHOTO_TOURISM = DataSet(
-    "photo-tourism",
     "phototourism",
     ("photo-tourism-data",),
     scoring="half",
@@ -132,11 +128,7 @@ TOURISM_SCENES = tuple(
     for a, b in (("Brandenburg", "Gate"), ("Sacre", "Coeur"), ("Trevi", "Fountain"))
 )
 
-MIPNERF360 = DataSet(
-    "mipnerf360",
-    "mipnerf360",
-    ("colmap", "--eval-mode", "interval", "--eval-interval", "8"),
-)
+MIPNERF360 = DataSet("mipnerf360", ("colmap", "--eval-mode", "interval", "--eval-interval", "8"))
 _ROOMS = "room:room counter:counter kitchen:kitchen bonsai:bonsai"
 MIPNERF360_SCENES = (
     *_scenes(MIPNERF360, "mipnerf360", 4, "bicycle:bicycle garden:garden stump:stump"),
@@ -152,20 +144,14 @@ class Method:
     """A registered method with options."""
 
     name: str
+    method: str
+    """That nerfstudio knows, or `module:attribute` of a MethodSpecification."""
     paper: str = ""
     """The row of the paper's tables that it stands beside; empty for none."""
-    based_on: str = ""
-    """The method that nerfstudio knows, or `module:attribute` of a MethodSpecification; by default
-    that of its name."""
     options: tuple[str, ...] = ()
     """Of `ns-train`."""
     has_light: bool = False
     """Whether it has an embedding for each photo."""
-
-    @property
-    def method(self) -> str:
-        """What is trained."""
-        return self.based_on or self.name
 
     def scoring(self, data_set: DataSet) -> ProtocolName:
         """How it is scored: on the data set's pixels, whatever it has."""
@@ -176,19 +162,19 @@ _EFFECTS = "--pipeline.model.effects"
 _STATIC = (f"{_EFFECTS}.distractors", "False")
 _W = (*_STATIC, f"{_EFFECTS}.appearance", "sh")
 _W_A = (*_W, f"{_EFFECTS}.background", "off")
-_TOURISM = "desplat-phototourism-paper"
+_TOURISM, _TOURISM_A = "desplat-phototourism-paper", "desplat-phototourism-a-paper"
 
 METHODS = {
     method.name: method
     for method in (
-        Method("desplat", "DeSplat"),
-        Method("desplat-paper", "DeSplat"),
-        Method("splatfacto", "Splatfacto", "desplat-paper", _STATIC),
-        Method("desplat-phototourism", "DeSplat", has_light=True),
-        Method(_TOURISM, "DeSplat", has_light=True),
-        Method("desplat-phototourism-a-paper", "DeSplat-A", has_light=True),
-        Method("splatfacto-w", "Splatfacto-W", _TOURISM, _W, has_light=True),
-        Method("splatfacto-w-a", "Splatfacto-W-A", _TOURISM, _W_A, has_light=True),
+        Method("desplat", "desplat", "DeSplat"),
+        Method("desplat-paper", "desplat-paper", "DeSplat"),
+        Method("splatfacto", "desplat-paper", "Splatfacto", _STATIC),
+        Method("desplat-phototourism", "desplat-phototourism", "DeSplat", has_light=True),
+        Method(_TOURISM, _TOURISM, "DeSplat", has_light=True),
+        Method(_TOURISM_A, _TOURISM_A, "DeSplat-A", has_light=True),
+        Method("splatfacto-w", _TOURISM, "Splatfacto-W", _W, has_light=True),
+        Method("splatfacto-w-a", _TOURISM, "Splatfacto-W-A", _W_A, has_light=True),
     )
 }
 """Splatfacto has its settings in this package, and the appearance model of Splatfacto-W is without
@@ -205,7 +191,7 @@ def method_of(name: str) -> Method:
             f"--methods names '{name}'. There are: {', '.join(METHODS)}; another one is named as "
             "module:attribute of its MethodSpecification."
         )
-    return Method(name.replace(":", "."), based_on=name)
+    return Method(name.replace(":", "."), name)
 
 
 # --- tables --------------------------------------------------------------------------------------
@@ -255,14 +241,9 @@ class Table:
     """What else a reader of the figures has to know."""
 
     @property
-    def data_sets(self) -> tuple[DataSet, ...]:
-        """Those of its scenes."""
-        return tuple(dict.fromkeys(scene.data_set for scene in self.scenes))
-
-    @property
     def methods(self) -> tuple[str, ...]:
-        """Those that are compared, if no others are asked for."""
-        return tuple(dict.fromkeys(name for of in self.data_sets for name in of.methods))
+        """Those that are compared, if no others are asked for: the same on all its data sets."""
+        return self.scenes[0].data_set.methods
 
 
 _IMAGES = (

@@ -1,4 +1,4 @@
-"""What was measured: a file of JSON lines, one for each run, and tables of them in Markdown.
+"""What was measured: a file of JSON lines, one for each run.
 
 A record is history: it names its commit and the options given. Later code or defaults do not touch
 it. To measure a run anew, delete its line.
@@ -7,7 +7,7 @@ it. To measure a run anew, delete its line.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -89,11 +89,19 @@ def open_records(folder: Path) -> dict[Key, Record]:
     return records
 
 
-def markdown_table(head: Sequence[str], rows: Iterable[Sequence[str]], align: str = "") -> str:
-    """A Markdown table with `l` or `r` for each column, by default `l` for the first, `r` for all
-    others. Bars within cells are escaped."""
-    align = align or "l" + "r" * (len(head) - 1)
-    rule = ["---" if side == "l" else "---:" for side in align]
-    cells = ([cell.replace("|", "\\|") for cell in row] for row in (head, *rows))
-    first, *others = (f"| {' | '.join(row)} |" for row in cells)
-    return "\n".join([first, f"| {' | '.join(rule)} |", *others])
+def conditions_of(records: Iterable[Record]) -> dict[str, list[str]]:
+    """How, on what and by which code runs were measured: each value once, by what it is."""
+    known = list(records)
+
+    def said(name: str) -> list[str]:
+        return sorted({str(record.scores[name]) for record in known if name in record.scores})
+
+    return {
+        "LPIPS net": said("lpips_net"),
+        "no LPIPS because": said("lpips_reason"),
+        "scored": said("protocol"),
+        "devices": sorted({record.device for record in known}),
+        "backends": said("backend"),
+        "versions": said("versions"),
+        "commit": sorted({short(record.commit) for record in known}),
+    }

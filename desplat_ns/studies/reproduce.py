@@ -5,8 +5,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable, Iterator
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import product
 from pathlib import Path
@@ -14,25 +13,21 @@ from statistics import fmean
 from typing import Any, NamedTuple
 
 from desplat_ns.console import announce, list_names
-from desplat_ns.errors import CaptureError, ConfigError, DeSplatError
-from desplat_ns.files.pages import time_in_words
+from desplat_ns.errors import CaptureError, DeSplatError
+from desplat_ns.files.pages import template, time_in_words
 from desplat_ns.files.whole import only_process_in, plain_errors, whole_folder
 from desplat_ns.rendering.metrics import lpips_weights
-from desplat_ns.studies.machine import short
-from desplat_ns.studies.methods import Content, content_of, method_config, splits_of
+from desplat_ns.studies.methods import content_of, method_config, splits_of
 from desplat_ns.studies.paper import LPIPS_NET, MEAN, Method, Metric, PaperScene, Table, figures_of
-from desplat_ns.studies.records import FILE, RUNS, Key, Record, markdown_table, open_records
+from desplat_ns.studies.records import FILE, RUNS, Key, Record, conditions_of, open_records
 from desplat_ns.studies.runs import Executor, Run
+
+TEMPLATE = Path(__file__).with_name("table.md.jinja")
 
 FIRST_SEED = 42
 
 SMOKE_OPTIONS = ("--pipeline.model.num-downscales", "0")
 """Photos of a smoke run are small enough."""
-
-SMOKE_SAID = (
-    "A SMOKE RUN: few steps and small photos. It shows that everything works; the figures mean "
-    "nothing and are not to be compared with anybody's."
-)
 
 
 class Smoke(NamedTuple):
@@ -54,8 +49,8 @@ class Grid:
     executor: Executor
     smoke: Smoke | None
     """How it is cut short; None: it is not."""
-    contents: dict[PaperScene, Content]
-    """What is in the scenes that are there."""
+    contents: dict[PaperScene, str]
+    """What is in the scenes that are there, in words."""
     missing: list[str]
     """Names of scenes that are not there."""
     records: dict[Key, Record]
@@ -75,25 +70,22 @@ class Grid:
         """Of the table's files."""
         return self.output / (self.table.name + "-smoke" * (self.smoke is not None))
 
+    @property
     def left(self) -> list[Run]:
         """Runs that are not done."""
         return [run for run in self.runs.values() if run.key not in self.records]
 
-    def do(self) -> None:
-        """Do what is left. Raises ConfigError where nothing can be written."""
-        left, seconds = self.left(), list[float]()
+    @property
+    def done(self) -> list[Record]:
+        """Records of the others."""
+        keys = (run.key for run in self.runs.values())
+        return [self.records[key] for key in keys if key in self.records]
 
-        def done(run: Run, record: Record) -> None:
-            self.records[run.key] = record
-            seconds.append(record.seconds)
-            rest = len(left) - len(seconds)
-            time = time_in_words(rest * fmean(seconds) / self.executor.jobs)
-            psnr = f"{record.scores['psnr']:.2f} dB"
-            announce(f"{run.name}: {psnr}. Runs left: {rest}, about {time}.")
-
-        if left:
-            folder = (self.output / RUNS).resolve()
-            self.failed = self.executor.finish(left, self.output / FILE, folder, done)
+    def time_left(self) -> str:
+        """In words, once a run is done."""
+        left = len(self.left)
+        seconds = left * fmean(record.seconds for record in self.done) / self.executor.jobs
+        return f"Runs left: {left}, about {time_in_words(seconds)}."
 
 
 def run_of(scene: PaperScene, method: Method, seed: int, smoke: Smoke | None = None) -> Run:
@@ -116,19 +108,17 @@ def reproduce(
     methods: tuple[Method, ...],
     seeds: int,
     executor: Executor,
-    device: str,
     smoke: Smoke | None = None,
 ) -> Path:
     """Run what a table needs and write it; the folder that holds it.
 
     Args:
         data: folder with the data sets.
-        device: type of the device on which runs are done, `cpu` or `cuda`.
         smoke: as `Grid.smoke`.
 
     Raises:
         CaptureError: scenes cannot be read, or none is there.
-        ConfigError: the output folder will not do, or this machine has no GPU.
+        ConfigError: the output folder will not do.
         DeSplatError: runs failed; the table is written without them.
     """
     with only_process_in(output):
@@ -137,12 +127,8 @@ def reproduce(
         numbers = range(FIRST_SEED, FIRST_SEED + seeds)
         grid = Grid(table, output, methods, numbers, executor, smoke, contents, missing, records)
         announce_runs(grid)
-        if grid.left() and smoke is None and device == "cpu":
-            raise ConfigError(
-                f"This machine has no GPU, on which the runs ({len(grid.left())}) are meant to be "
-                "done. Add --smoke to try the same with few steps and small photos."
-            )
-        grid.do()
+        file, folder = output / FILE, output / RUNS
+        grid.failed = executor.finish(grid.left, records, file, folder, grid.time_left)
         write_table(grid)
     if grid.failed:
         raise DeSplatError(
@@ -154,15 +140,11 @@ def reproduce(
 
 def announce_runs(grid: Grid) -> None:
     """Say what will be run, and where LPIPS's weights belong: hours later is too late."""
-    table, left = grid.table, grid.left()
-    announce(f"{table.title}. Runs: {len(grid.runs)}; done: {len(grid.runs) - len(left)}.")
+    table, weights = grid.table, lpips_weights(LPIPS_NET)
+    announce(f"{table.title}. Runs: {len(grid.runs)}; done: {len(grid.done)}.")
     for scene, content in grid.contents.items():
-        announce(
-            f"    {scene.name}: {content.photos} photos train, {content.held_out} test, "
-            f"{content.width} x {content.height}; {scene.place}"
-        )
-    weights = lpips_weights(LPIPS_NET)
-    if left and any(metric.name == "lpips" for metric in table.metrics) and not weights.is_file():
+        announce(f"    {scene.name}: {content}; {scene.place}")
+    if grid.left and any(of.name == "lpips" for of in table.metrics) and not weights.is_file():
         announce(
             f"LPIPS's weights are not at {weights}: they are fetched with the first score. Where "
             "there is no network, copy them there first; else LPIPS is left out.",
@@ -175,9 +157,9 @@ def announce_runs(grid: Grid) -> None:
 
 def find_contents(
     table: Table, data: Path, smoke: Smoke | None = None
-) -> tuple[dict[PaperScene, Content], list[str]]:
+) -> tuple[dict[PaperScene, str], list[str]]:
     """What is in the scenes of a table that are there, with their places, and the names of the
-    others, which are said. Raises CaptureError where none is there, or as `checked`."""
+    others, which are said. Raises CaptureError where none is there, or as `outputs_of`."""
     found, missing = find_scenes(table, data)
     if missing:
         fetches = dict.fromkeys(scene.fetch for scene in missing)
@@ -187,23 +169,12 @@ def find_contents(
         if not found:
             raise CaptureError(said)
         announce(said, warning=True)
-    return checked(found, smoke), [scene.name for scene in missing]
-
-
-def checked(scenes: Iterable[PaperScene], smoke: Smoke | None = None) -> dict[PaperScene, Content]:
-    """Scenes with their content; of a smoke run those that can be read. Raises CaptureError where a
-    scene cannot be read, of a smoke run where none can."""
-    contents: dict[PaperScene, Content] = {}
-    wrong: list[str] = []
-    for scene in scenes:
-        try:
-            scene = scene if smoke is None else smaller(scene, smoke.side)
-            contents[scene] = content_of(outputs_of(scene, "train"), outputs_of(scene, "test"))
-        except CaptureError as error:
-            wrong.append(str(error))
-    if wrong and (smoke is None or not contents):
-        raise CaptureError("\n".join(wrong))
-    return contents
+    if smoke is not None:
+        found = [smaller(scene, smoke.side) for scene in found]
+    contents = {
+        scene: content_of(outputs_of(scene, "train"), outputs_of(scene, "test")) for scene in found
+    }
+    return contents, [scene.name for scene in missing]
 
 
 def find_scenes(table: Table, data: Path) -> tuple[list[PaperScene], list[PaperScene]]:
@@ -211,7 +182,7 @@ def find_scenes(table: Table, data: Path) -> tuple[list[PaperScene], list[PaperS
     found, missing = [], []
     for scene in table.scenes:
         names = (scene.folder, scene.folder.replace("_", "-"))
-        folder = scene.data_set.folder  # some archives have another of their own name in it
+        folder = scene.data_set.name  # some archives have another of their own name in it
         homes = (data / folder, data / folder / folder, data)
         places = (home / name for home in homes for name in names)
         place = next((place for place in places if place.is_dir()), None)
@@ -249,9 +220,10 @@ seed that is done), `mean`, `paper`, `difference` (ours less the paper's). The l
 where the paper has no figure, and in a smoke run."""
 
 
-def cells_of(grid: Grid) -> Iterator[Cell]:
-    """All figures that there are, and their means where a seed has all scenes of the table."""
-    published = figures_of(grid.table.name) if grid.smoke is None else {}
+def cells_of(grid: Grid) -> dict[tuple[str, str, str], Cell]:
+    """All figures that there are, and their means where a seed has all scenes of the table; by
+    metric, method and scene."""
+    published = {} if grid.smoke else figures_of(grid.table.name)
     scenes = [scene.name for scene in grid.contents]
     is_whole = grid.smoke is not None or len(scenes) == len(grid.table.scenes)
 
@@ -259,20 +231,19 @@ def cells_of(grid: Grid) -> Iterator[Cell]:
         record = grid.records.get(grid.runs[key].key)
         return None if record is None else metric.of(record.scores)
 
+    cells: dict[tuple[str, str, str], Cell] = {}
     for metric, method in product(grid.table.metrics, grid.methods):
         columns = {
             scene: [value(metric, (scene, method.name, seed)) for seed in grid.seeds]
             for scene in scenes
         }
         if is_whole and len(scenes) > 1:
-            whole = [
-                [v for v in seed if v is not None] for seed in zip(*columns.values(), strict=True)
-            ]
-            columns[MEAN] = [fmean(of) if len(of) == len(scenes) else None for of in whole]
+            by_seed = zip(*columns.values(), strict=True)
+            columns[MEAN] = [None if None in values else fmean(values) for values in by_seed]
         for name, values in columns.items():
             if known := [value for value in values if value is not None]:
                 mean, paper = fmean(known), published.get((method.paper, name, metric.name))
-                yield {
+                cells[metric.name, method.name, name] = {
                     "scene": name,
                     "method": method.name,
                     "metric": metric.name,
@@ -281,85 +252,33 @@ def cells_of(grid: Grid) -> Iterator[Cell]:
                     "paper": paper,
                     "difference": None if paper is None else mean - paper,
                 }
+    return cells
 
 
 def write_table(grid: Grid) -> None:
     """Write table.md and table.json. Raises ConfigError where it cannot."""
-    cells, conditions = list(cells_of(grid)), conditions_of(grid)
-    content = {"table": grid.table.name, "smoke": grid.smoke is not None}
-    content |= {"cells": cells, "conditions": conditions}
-    content |= {"missing scenes": grid.missing, "failed": grid.failed}
-    with plain_errors(grid.folder), whole_folder(grid.folder) as draft:
-        (draft / "table.md").write_text(markdown(grid, cells, conditions), "utf8")
-        (draft / "table.json").write_text(json.dumps(content, indent=1) + "\n", "utf8")
-
-
-def markdown(grid: Grid, cells: list[Cell], conditions: dict[str, Any]) -> str:
-    """A table for each metric, then the conditions."""
-    table, smoke, seeds = grid.table, grid.smoke, len(grid.seeds)
-    parts = [f"# {table.title}", f"**{SMOKE_SAID}**" if smoke else table.note]
-    parts.append(f"Means of {seeds} seeds." if seeds > 1 else "One seed.")
-    columns = list(dict.fromkeys(cell["scene"] for cell in cells))
-    head = ["method", *("mean of scenes" if name == MEAN else name for name in columns)]
-    for metric in table.metrics:
-        body = markdown_table(head, rows(grid, metric, columns, cells), "l" * len(head))
-        parts += [f"## {metric.title}", body]
-    if grid.missing:
-        parts.append(f"Scenes that were not there: {', '.join(grid.missing)}.")
-    parts += [f"- Failed: {name}: {' '.join(why.split())}" for name, why in grid.failed.items()]
-    lines = (f"- {name}: {_text(value)}" for name, value in conditions.items() if value)
-    return "\n\n".join([*filter(None, parts), "## Conditions", "\n".join(lines), ""])
-
-
-def rows(grid: Grid, metric: Metric, columns: list[str], cells: list[Cell]) -> Iterator[list[str]]:
-    """A metric's rows in words: ours, then those of the paper that no method stands beside."""
-    methods, published = grid.methods, figures_of(grid.table.name)
-    found = {(c["method"], c["scene"]): c for c in cells if c["metric"] == metric.name}
-
-    def words(cell: Cell | None) -> str:
-        if cell is None or cell["paper"] is None:
-            return metric.text(None if cell is None else cell["mean"])
-        difference = metric.text(cell["difference"], "+")
-        return f"{metric.text(cell['mean'])} (paper {metric.text(cell['paper'])}, {difference})"
-
-    for method in methods:
-        yield [method.name, *(words(found.get((method.name, name))) for name in columns)]
-    theirs = dict.fromkeys(row for row, _, of in published if of == metric.name)
-    for row in theirs if grid.smoke is None else ():
-        figures = [published.get((row, name, metric.name)) for name in columns]
-        if row not in {method.paper for method in methods} and any(figures):
-            yield [f"{row}, the paper's", *map(metric.text, figures)]
-
-
-def conditions_of(grid: Grid) -> dict[str, Any]:
-    """All that the figures depend on."""
-    keys = [run.key for run in grid.runs.values()]
-    done = [grid.records[key] for key in keys if key in grid.records]
-
-    def said(name: str) -> list[str]:
-        return sorted({str(record.scores[name]) for record in done if name in record.scores})
-
-    return {
-        "the paper's LPIPS net": LPIPS_NET,
-        "LPIPS net": said("lpips_net"),
-        "no LPIPS because": said("lpips_reason"),
-        "scored": said("protocol"),
-        "scenes": {
-            scene.name: {"data parser": " ".join(scene.parser), **asdict(content)}
-            for scene, content in grid.contents.items()
-        },
-        "methods": {m.name: " ".join(("ns-train", m.method, *m.options)) for m in grid.methods},
+    cells = cells_of(grid)
+    scenes = [f"{s.name} ({' '.join(s.parser)}: {what})" for s, what in grid.contents.items()]
+    methods = [f"{m.name} ({' '.join(('ns-train', m.method, *m.options))})" for m in grid.methods]
+    conditions = {
+        "the paper's LPIPS net": [LPIPS_NET],
+        "scenes": scenes,
+        "methods": methods,
         "seeds": list(grid.seeds),
         "steps": sorted({run.steps for run in grid.runs.values()}),
-        "devices": sorted({record.device for record in done}),
-        "backends": said("backend"),
-        "versions": said("versions"),
-        "commit": sorted({short(record.commit) for record in done}),
+        **conditions_of(grid.done),
     }
-
-
-def _text(value: Any) -> str:
-    """A condition in words."""
-    if isinstance(value, dict):
-        return "; ".join(f"{name}: {_text(entry)}" for name, entry in value.items())
-    return ", ".join(map(_text, value)) if isinstance(value, list) else str(value)
+    content = {"table": grid.table.name, "smoke": grid.smoke is not None}
+    content |= {"cells": [*cells.values()], "conditions": conditions}
+    content |= {"missing scenes": grid.missing, "failed": grid.failed}
+    text = template(TEMPLATE).render(
+        grid=grid,
+        cells=cells,
+        columns=list(dict.fromkeys(scene for _, _, scene in cells)),
+        mean=MEAN,
+        published={} if grid.smoke else figures_of(grid.table.name),
+        conditions=conditions,
+    )
+    with plain_errors(grid.folder), whole_folder(grid.folder) as draft:
+        (draft / "table.md").write_text(text, "utf8")
+        (draft / "table.json").write_text(json.dumps(content, indent=1) + "\n", "utf8")

@@ -20,7 +20,7 @@ from typing import Any, Literal
 from desplat_ns.console import announce
 from desplat_ns.errors import CaptureError, DeSplatError
 from desplat_ns.studies.machine import today
-from desplat_ns.studies.records import Key, Record, load, save
+from desplat_ns.studies.records import Key, Record, save
 
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1", "OMP_WAIT_POLICY": "passive"}
 """So that runs beside each other disturb each other little: waiting threads sleep."""
@@ -35,9 +35,6 @@ RESULTS, LOG, PICTURES = "results.json", "run.log", "pictures"
 
 PARENT = "DESPLAT_NS_PARENT"
 """Environment variable: the process with which a training is to end."""
-
-RETRIES = 3
-"""Times that a run is begun again on Ray if its worker was killed."""
 
 
 @dataclass(frozen=True)
@@ -102,27 +99,24 @@ def in_own_process(method: str, options: list[str], folder: Path) -> dict[str, A
 
 def execute(run: Run, folder: Path, train: Train = in_own_process) -> Record:
     """Train and score a run. Its log, pictures and results stay in a folder of its name, in which
-    they replace those of an earlier run once they are whole; checkpoints are removed. Raises
-    DeSplatError where the capture is not there, or training or evaluation failed."""
+    they replace those of an earlier run; checkpoints are removed. Raises DeSplatError where the
+    capture is not there, or training or evaluation failed."""
     if not run.data.exists():
         raise CaptureError(
             f"There is no capture at {run.data}. Every machine that trains for a study needs the "
             "photos in the same place."
         )
-    draft = folder / f"{run.name}.draft"
-    shutil.rmtree(draft, ignore_errors=True)  # of a run that failed, if it is there
-    draft.mkdir(parents=True)
-    places = ["--data", str(run.data), "--output-dir", str(draft), "--machine.seed", str(run.seed)]
-    length, parser = run.given[:2], run.parser
+    place = folder / run.name
+    shutil.rmtree(place, ignore_errors=True)
+    place.mkdir(parents=True)
+    places = ["--data", str(run.data), "--output-dir", str(place), "--machine.seed", str(run.seed)]
     began = time.monotonic()
     try:
-        results = train(run.method, [*places, *length, *QUIET, *run.options, *parser], draft)
+        results = train(run.method, [*places, *QUIET, *run.given], place)
     finally:
-        for checkpoints in draft.glob("*/*/*/nerfstudio_models"):
+        for checkpoints in place.glob("*/*/*/nerfstudio_models"):
             shutil.rmtree(checkpoints, ignore_errors=True)
     seconds = round(time.monotonic() - began, 1)
-    shutil.rmtree(folder / run.name, ignore_errors=True)
-    draft.rename(folder / run.name)
     figures = results["figures"]
     scores = {
         name: value for name, value in figures.items() if isinstance(value, int | float | str)
@@ -145,23 +139,26 @@ class Executor:
     def finish(
         self,
         runs: Iterable[Run],
+        records: dict[Key, Record],
         file: Path,
         folder: Path,
-        done: Callable[[Run, Record], None] = lambda run, record: None,
+        left: Callable[[], str] = str,
     ) -> dict[str, str]:
-        """Do all runs that have no record, and record each as it ends; why some failed, by name.
+        """Do all runs that have no record, record each as it ends, and say so; why some failed, by
+        name.
 
         Args:
             runs: the next is asked for when there is a place for it.
+            records: those that there are; new ones are added.
             file: of the records.
             folder: of what is trained.
-            done: is told of each run once it is recorded.
+            left: what to say after each run of what is left, in words.
 
         Raises:
-            ConfigError: records cannot be read or written, for instance because the disk is full.
+            ConfigError: records cannot be written, for instance because the disk is full.
             DeSplatError: Ray is not installed.
         """
-        records, failed = load(file), dict[str, str]()
+        failed, folder = dict[str, str](), folder.resolve()
         coming = (run for run in runs if run.key not in records)
         pending: dict[Future[Record], Run] = {}
         folder.mkdir(parents=True, exist_ok=True)
@@ -182,7 +179,8 @@ class Executor:
                         announce(f"{run.name}: {failed[run.name]}", warning=True)
                     else:
                         save(file, records.values())
-                        done(run, record)
+                        score = f"{record.scores['psnr']:.2f} dB after {record.seconds:.0f} s"
+                        announce(f"{run.name}: {score}. {left()}")
 
     @contextmanager
     def _places(self) -> Iterator[tuple[int, Do]]:
@@ -203,8 +201,7 @@ class Executor:
         try:
             resources = ray.cluster_resources()
             gpus, cores = (int(resources.get(name, 0)) for name in ("GPU", "CPU"))
-            needs = {"num_cpus": 1, "num_gpus": min(1, gpus), "max_retries": RETRIES}
-            task = ray.remote(**needs)(self.do)
+            task = ray.remote(num_cpus=1, num_gpus=min(1, gpus))(self.do)
             yield max(1, gpus or cores), lambda run, at: ray.get(task.remote(run, at.resolve()))
         finally:
             ray.shutdown()

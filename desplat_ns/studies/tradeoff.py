@@ -4,7 +4,7 @@ planned, then they are done. Ended at any time, a study goes on where it was."""
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -13,7 +13,7 @@ from desplat_ns.console import announce
 from desplat_ns.errors import ConfigError, DeSplatError
 from desplat_ns.files.whole import only_process_in
 from desplat_ns.settings.effects import AppearanceGrade, Effects
-from desplat_ns.studies.methods import Content, content_of, method_config, splits_of
+from desplat_ns.studies.methods import content_of, method_config, splits_of
 from desplat_ns.studies.records import FILE, RUNS, Key, Record, open_records
 from desplat_ns.studies.runs import Executor, Run
 from desplat_ns.survey.survey import decided_effects
@@ -41,24 +41,18 @@ one is done: there are more Gaussians."""
 GRADES: tuple[AppearanceGrade, ...] = ("off", "camera", "affine")
 
 
-@dataclass(frozen=True)
-class Capture:
-    """The capture that a study is of, how it is read, and what it calls for."""
-
-    data: Path
-    """Its folder, absolute."""
-    parser: tuple[str, ...]
-    """The data parser's name and options, as `ns-train` takes them; empty for the method's own."""
-    content: Content
-    effects: Effects
-    """As a survey decided."""
-
-
 @dataclass
 class Study:
     """The work on a study from one start of the command to its end."""
 
-    capture: Capture
+    data: Path
+    """The capture's folder, absolute."""
+    parser: tuple[str, ...]
+    """The data parser's name and options, as `ns-train` takes them; empty for the method's own."""
+    content: str
+    """What the data parser finds, in words."""
+    effects: Effects
+    """Which the capture calls for, as a survey decided."""
     output: Path
     seconds: float
     """Of wall time, for the whole study."""
@@ -77,25 +71,66 @@ class Study:
         """Seconds of wall time. Of earlier sessions those of the runs count."""
         return time.monotonic() - self._began
 
-    @property
-    def left_out(self) -> list[str]:
-        """Names of runs for which no time was left."""
-        names = (run.name for run in self.planned if run.key not in self.records)
-        return [name for name in names if name not in self.failed]
+    def time_left(self) -> str:
+        """In words."""
+        return f"Spent: {self.spent / 60:.0f} of {self.seconds / 60:.0f} min."
 
     def finish(self, runs: Iterable[Run]) -> dict[str, str]:
         """Do runs that have no record; why some failed."""
+        file, folder = self.output / FILE, self.output / RUNS
+        return self.executor.finish(runs, self.records, file, folder, self.time_left)
 
-        def done(run: Run, record: Record) -> None:
-            self.records[run.key] = record
-            psnr, seconds = record.scores["psnr"], record.scores["train_wall_seconds"]
-            announce(
-                f"{run.name}: {psnr:.2f} dB after {seconds:.0f} s of training. Spent: "
-                f"{self.spent / 60:.0f} of {self.seconds / 60:.0f} min."
-            )
+    def run_of(self, variant: str = BASE, steps: int = SHORTEST, seed: int = SEEDS[0]) -> Run:
+        """A variant as it is trained; by default the run that is done first, whatever the plan."""
+        _, options = compared(self.effects)[variant]
+        return Run(variant, BASE, options, steps, seed, self.data, self.parser)
 
-        folder = (self.output / RUNS).resolve()
-        return self.executor.finish(runs, self.output / FILE, folder, done)
+    def plan(self, steps: int, most: int) -> list[Run]:
+        """All runs for a comparison at a number of steps, none longer than `most`, the most telling
+        first: seed after seed the base's lengths, then every variant."""
+        lengths = [max(1, round(steps * length)) for length in LADDER if steps * length <= most]
+        runs = [self.run_of()]
+        for seed in SEEDS:
+            runs += [self.run_of(BASE, length, seed) for length in lengths[:-1]]
+            runs += [self.run_of(name, steps, seed) for name in compared(self.effects)]
+            runs += [self.run_of(BASE, lengths[-1], seed)]
+        return list(dict.fromkeys(runs))
+
+    def steps_that_fit(self, most: int) -> int:
+        """Steps of the longest comparison of which all runs fit into the time; up to `WANTED` steps
+        those of the first seed. The first run is done. `most`: steps of the method itself."""
+        pace, seconds = pace_of([self.run_of()], self.records), self.seconds * self.executor.jobs
+        chosen = steps = SHORTEST
+        while steps <= most:
+            seeds = SEEDS if steps > WANTED else SEEDS[:1]
+            runs = (run for run in self.plan(steps, most) if run.seed in seeds)
+            if sum(map(pace, runs)) <= seconds:
+                chosen = steps
+            steps *= 2
+        return chosen
+
+    def fitting(self) -> Iterator[Run]:
+        """The planned runs that are not done, in order, that are expected to end in time when they
+        are asked for. One that does not fit is passed over: shorter ones behind it may."""
+        for run in self.planned:
+            pace = pace_of(self.planned, self.records)
+            if run.key not in self.records and pace(run) <= self.seconds - self.spent:
+                yield run
+
+    def do(self) -> None:
+        """Do the runs that are not done and for which time is left. Raises DeSplatError where the
+        first run failed, ConfigError where records cannot be written."""
+        for failure in self.finish([self.run_of()]).values():
+            raise DeSplatError(f"The first run failed. {failure}")
+        most = method_config(BASE).nominal_num_iterations
+        steps = self.steps_that_fit(most)
+        self.planned = self.plan(steps, most)
+        count = sum(run.key in self.records for run in self.planned)
+        announce(
+            f"Variants are compared at {steps:,} steps. Planned runs: {len(self.planned)}; done: "
+            f"{count}. Of the others those are done that fit into the time."
+        )
+        self.failed = self.finish(self.fitting())
 
 
 def tradeoff(
@@ -113,7 +148,7 @@ def tradeoff(
     with only_process_in(output):
         compile_kernels("auto", default_device())  # no part of the time that was given
         study = open_study(data, parser, output, seconds, executor)
-        do_study(study)
+        study.do()
         return write_page(study)
 
 
@@ -131,43 +166,22 @@ def open_study(
                 "capture to go on with it."
             )
     train, test = splits_of(BASE, data, parser, "train", "test")
-    effects, _ = decided_effects(method_config(BASE).pipeline.model.effects, train)
-    capture = Capture(data, parser, content_of(train, test), effects.settled())
-    return Study(capture, output, seconds, executor, records)
-
-
-def do_study(study: Study) -> None:
-    """Do the runs that are not done and for which time is left. Raises DeSplatError where the first
-    run failed, ConfigError where records cannot be written."""
-    study.planned = [run_of(study.capture)]
-    for failure in study.finish(study.planned).values():
-        raise DeSplatError(f"The first run failed. {failure}")
-    most = method_config(BASE).nominal_num_iterations
-    pace = pace_of(study.planned, study.records)
-    steps = steps_that_fit(study.seconds * study.executor.jobs, pace, study.capture, most)
-    study.planned = planned(study.capture, steps, most)
-    count = sum(run.key in study.records for run in study.planned)
-    announce(
-        f"Variants are compared at {steps:,} steps. Planned runs: {len(study.planned)}; done: "
-        f"{count}. Of the others those are done that fit into the time."
-    )
-    runs = fitting(study.planned, study.records, lambda: study.seconds - study.spent)
-    study.failed = study.finish(runs)
+    effects = decided_effects(method_config(BASE).pipeline.model.effects, train)[0].settled()
+    content = content_of(train, test)
+    return Study(data, parser, content, effects, output, seconds, executor, records)
 
 
 # --- which runs --------------------------------------------------------------------------------
 
 
-Variant = tuple[str, tuple[str, ...]]
-"""In what it differs from the defaults, in words, and its options."""
+def compared(base: Effects) -> dict[str, tuple[str, tuple[str, ...]]]:
+    """What is compared, by name: in what it differs from the defaults, in words, and its options.
 
+    First the base, with the effects that the capture calls for; each other one differs from it in
+    one thing. All are scored on right halves: the left half shows the light where photos have one
+    of their own."""
 
-def compared(base: Effects) -> dict[str, Variant]:
-    """What is compared, by name: first the base, with the effects that the capture calls for; each
-    other one differs from it in one thing. All are scored on right halves: the left half shows the
-    light where photos have one of their own."""
-
-    def variant(what: str, effects: Effects = base, **options: str) -> Variant:
+    def variant(what: str, effects: Effects = base, **options: str) -> tuple[str, tuple[str, ...]]:
         given = {
             "model.effects.auto": "False",
             "model.effects.distractors": str(effects.distractors),
@@ -197,32 +211,10 @@ def compared(base: Effects) -> dict[str, Variant]:
     }
 
 
-def run_of(
-    capture: Capture, variant: str = BASE, steps: int = SHORTEST, seed: int = SEEDS[0]
-) -> Run:
-    """A variant as it is trained; by default the run that is done first, whatever the plan."""
-    _, options = compared(capture.effects)[variant]
-    return Run(variant, BASE, options, steps, seed, capture.data, capture.parser)
+def pace_of(runs: Iterable[Run], done: Mapping[Key, Record]) -> Callable[[Run], float]:
+    """Expected wall seconds of a run, from the start of its process to the end.
 
-
-def planned(capture: Capture, steps: int, most: int) -> list[Run]:
-    """All runs for a comparison at a number of steps, none longer than `most`, the most telling
-    first: seed after seed the base's lengths, then every variant."""
-    lengths = [max(1, round(steps * length)) for length in LADDER if steps * length <= most]
-    runs = [run_of(capture)]
-    for seed in SEEDS:
-        runs += [run_of(capture, BASE, length, seed) for length in lengths[:-1]]
-        runs += [run_of(capture, name, steps, seed) for name in compared(capture.effects)]
-        runs += [run_of(capture, BASE, lengths[-1], seed)]
-    return list(dict.fromkeys(runs))
-
-
-Pace = Callable[[Run], float]
-"""Expected wall seconds of a run, from the start of its process to the end."""
-
-
-def pace_of(runs: Iterable[Run], done: Mapping[Key, Record]) -> Pace:
-    """A run takes a + b steps: a is for imports, reading photos and evaluation, b for a step. Both
+    A run takes a + b steps: a is for imports, reading photos and evaluation, b for a step. Both
     are those of the variant's longest run that is done, or of the base's; the first run is done."""
     known: dict[str, tuple[int, float, float]] = {}
     for run in sorted(runs, key=lambda run: run.steps):
@@ -235,32 +227,3 @@ def pace_of(runs: Iterable[Run], done: Mapping[Key, Record]) -> Pace:
         return start + run.steps * step * (GROWTH if run.steps > steps == SHORTEST else 1.0)
 
     return seconds
-
-
-def steps_that_fit(seconds: float, pace: Pace, capture: Capture, most: int) -> int:
-    """Steps of the longest comparison of which all runs, one after another, fit into the seconds;
-    up to `WANTED` steps those of the first seed. `most`: steps of the method itself."""
-    chosen = steps = SHORTEST
-    while steps <= most:
-        seeds = SEEDS if steps > WANTED else SEEDS[:1]
-        runs = (run for run in planned(capture, steps, most) if run.seed in seeds)
-        if sum(map(pace, runs)) <= seconds:
-            chosen = steps
-        steps *= 2
-    return chosen
-
-
-def fitting(
-    runs: Sequence[Run], done: Mapping[Key, Record], left: Callable[[], float]
-) -> Iterator[Run]:
-    """The runs that are not done, in order, that are expected to end in time. One that does not fit
-    is passed over: shorter ones behind it may. `done` and the seconds left are looked at when a run
-    is asked for."""
-    waiting = [run for run in runs if run.key not in done]
-    while True:
-        pace = pace_of(runs, done)
-        run = next((run for run in waiting if pace(run) <= left()), None)
-        if run is None:
-            return
-        waiting.remove(run)
-        yield run

@@ -16,9 +16,7 @@ import torch
 
 from desplat_ns.files.whole import write_whole
 from desplat_ns.settings.effects import Effects
-from desplat_ns.studies.machine import describe_machine
-from desplat_ns.studies.records import markdown_table
-from lab import OUTPUTS, parser_of
+from lab import OUTPUTS, markdown_table, parser_of
 from lab.bench.drawing import (
     DIALS,
     EXACT,
@@ -35,6 +33,7 @@ from lab.bench.drawing import (
 from lab.bench.model_step import ModelStep
 from lab.bench.scenes import Scene, make_scene
 from lab.bench.timing import Timing, threads, time_in_turns
+from lab.machine import describe_machine
 
 SIZES = ((10_000, 240, 180), (20_000, 480, 270), (50_000, 1200, 800))
 """Gaussians, width and height."""

@@ -17,7 +17,7 @@ from nerfstudio.plugins.types import MethodSpecification
 from PIL import Image
 from torch import Tensor
 
-from desplat_ns.data.gt_masks import METADATA_KEY, read_gt_mask, shadow_mask_of
+from desplat_ns.data.gt_masks import METADATA_KEY, read_gt_mask
 from desplat_ns.data.robustnerf import kind_of
 from desplat_ns.errors import CaptureError
 from desplat_ns.losses import photometric_loss
@@ -91,6 +91,18 @@ def mask_of(metadata: dict[str, Any], index: int) -> Path | None:
             "nothing is in the way."
         )
     return path
+
+
+def shadow_mask_of(mask: Path) -> Path | None:
+    """The mask of the shadows that go with a mask, white where one is; None if there is none.
+
+    Of masks/a/b.png it is shadow_masks/a/b.png.
+    """
+    for folder in mask.parents[:-1]:
+        beside = folder.with_name(f"shadow_{folder.name}") / mask.relative_to(folder)
+        if beside.is_file():
+            return beside
+    return None
 
 
 def _any_pixel(path: Path, photo: Tensor) -> Tensor:

@@ -61,7 +61,7 @@ def run_tables(folder: Path, names: tuple[TableName, ...]) -> list[str]:
         table, began, wall = TABLES[name], time.process_time(), time.monotonic()
         methods = tuple(METHODS[method] for method in table.methods)
         places = (folder / "data", folder / f"tables-{names[0]}")
-        made = reproduce(table, *places, methods, 1, Executor(do=here), "cpu", SHORT)
+        made = reproduce(table, *places, methods, 1, Executor(do=here), SHORT)
         wrong += missing_figures(name, made)
         seconds, wall = time.process_time() - began, time.monotonic() - wall
         announce(f"{name}: {seconds:.0f} s of CPU time, {wall:.0f} s on the clock.")

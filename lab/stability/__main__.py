@@ -15,8 +15,8 @@ from collections.abc import Callable, Sequence
 import torch
 
 from desplat_ns.files.whole import write_whole
-from desplat_ns.studies.machine import describe_machine
 from lab import OUTPUTS, parser_of
+from lab.machine import describe_machine
 from lab.stability import catalogue, kills, mutations, soak
 
 Part = Callable[[], tuple[str, bool]]

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import torch
 
-from desplat_ns.studies.records import markdown_table
+from lab import markdown_table
 from tests.backend.scenes import Backend
 from tests.stability.cases import CASES, Case
 from tests.stability.measure import Outcome, run

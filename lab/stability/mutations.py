@@ -15,8 +15,7 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
-from desplat_ns.studies.records import markdown_table
-from lab import CHECKOUT
+from lab import CHECKOUT, markdown_table
 
 TIMEOUT = 600
 """Seconds; a test that hangs has noticed, too."""

@@ -23,9 +23,9 @@ from statistics import median
 from desplat_ns.errors import DeSplatError
 from desplat_ns.files.whole import only_process_in
 from desplat_ns.studies.machine import short, today
-from desplat_ns.studies.records import Key, Record, load, markdown_table
+from desplat_ns.studies.records import Key, Record, load
 from desplat_ns.studies.runs import Executor, Run, execute
-from lab import OUTPUTS, RECORDS, parser_of
+from lab import OUTPUTS, RECORDS, markdown_table, parser_of
 from lab.study.captures import CAPTURES
 from lab.study.variants import GROUPS, SEEDS, VARIANTS, Wanted, run_of
 
@@ -133,13 +133,10 @@ def finish(chosen: argparse.Namespace, wanted: Sequence[Wanted]) -> dict[str, st
                     lost[run.name] = str(error)
                     print(f"{run.name}: {error}", file=sys.stderr, flush=True)
 
-    def done(run: Run, record: Record) -> None:
-        print(f"{run.name}: {record.scores['psnr']:.2f} dB, {record.seconds:.0f} s", flush=True)
-
     output.mkdir(parents=True, exist_ok=True)
     with only_process_in(output):
         executor = Executor(jobs=chosen.jobs, do=do)
-        return executor.finish(coming(), chosen.records, output, done) | lost
+        return executor.finish(coming(), records, chosen.records, output) | lost
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

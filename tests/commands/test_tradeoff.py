@@ -11,25 +11,25 @@ from desplat_ns.errors import CaptureError
 from desplat_ns.studies import tradeoff as module
 from desplat_ns.studies.records import FILE, RUNS, load
 from desplat_ns.studies.runs import PICTURES, Executor, Run
-from desplat_ns.studies.tradeoff import BASE, Capture, tradeoff
+from desplat_ns.studies.tradeoff import BASE, Study, tradeoff
 from lab.reproduce.smoke import here
 from lab.synthetic import Scene
 
 pytestmark = pytest.mark.usefixtures("tyro_may_build")
 
 PARSER = ("robustnerf-data",)
-RUN_OF = module.run_of
+RUN_OF = Study.run_of
 
 
 @pytest.mark.slow
 def test_a_study_trains_scores_and_reports(tiny_scene: Scene, tmp_path: Path, monkeypatch):
     assert tiny_scene.folder is not None
 
-    def few(capture: Capture, *_: object) -> list[Run]:
-        return [RUN_OF(capture, name, 4) for name in (BASE, "half-size", "fewer")]
+    def few(study: Study, *_: object) -> list[Run]:
+        return [RUN_OF(study, name, 4) for name in (BASE, "half-size", "fewer")]
 
-    monkeypatch.setattr(module, "planned", few)
-    monkeypatch.setattr(module, "run_of", lambda capture: few(capture)[0])
+    monkeypatch.setattr(Study, "plan", few)
+    monkeypatch.setattr(Study, "run_of", lambda study: few(study)[0])
     given = (tiny_scene.folder, PARSER, tmp_path / "out", 3600.0, Executor(do=here))
     page = tradeoff(*given)
     records = load(tmp_path / "out" / FILE)

@@ -11,7 +11,6 @@ import pytest
 import torch
 
 from desplat_ns.backend.protocol import Rendering, View
-from desplat_ns.errors import ConfigError
 from desplat_ns.export.export import export_splats, within
 from desplat_ns.runs.files import find_run
 from desplat_ns.runs.loading import load_run
@@ -40,11 +39,6 @@ def test_points_are_kept_up_to_a_multiple_of_the_median_depth_that_a_camera_show
     points = np.array([[1.9, 0, 0], [2.1, 0, 0], [6.1, 0, 0], [14.1, 0, 0]])
     kept = within(points, [view(), view(pose)], lambda c: rendering(c, next(depths), 0.9), 2.0)
     assert kept.tolist() == [True, False, True, False]
-
-
-def test_a_scene_of_which_nothing_is_solid_cannot_be_cropped():
-    with pytest.raises(ConfigError, match="--crop"):
-        within(np.zeros((1, 3)), [view()], lambda camera: rendering(camera, 4.0, 0.1), 2.0)
 
 
 @pytest.mark.slow

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from desplat_ns.backend.protocol import Splats
 from desplat_ns.errors import CaptureError, ConfigError
-from desplat_ns.export.formats import FORMATS, Y_UP
+from desplat_ns.export.formats import UPRIGHT, Y_UP
 from desplat_ns.export.splat_cloud import (
     Similarity,
     baked,
@@ -125,7 +125,7 @@ def test_a_captures_own_coordinates_come_back():
 def test_up_is_up_and_the_captures_scale_is_kept(suffix: str, up: int):
     """nerfstudio's z, in a tenth of the capture's scale, becomes y."""
     transform = np.eye(4)[:3]
-    by = similarity_to("upright", transform, 0.1, FORMATS[suffix].upright_axes)
+    by = similarity_to("upright", transform, 0.1, UPRIGHT[suffix])
     raised = replace(cloud(count=1), means=np.array([[0.0, 0.0, 2.0]]))
     assert np.allclose(moved(raised, by).means, [[0, 20 * up, 0]])
     assert np.linalg.det(by.turn) == pytest.approx(1.0), "nothing is mirrored"

@@ -144,21 +144,22 @@ def by_opacity(splats: SplatCloud) -> np.ndarray:
 
 def test_what_fits_stays_whole_and_is_not_weighed():
     whole = cloud()
-    fitting = fitted(whole, len(spz_bytes(whole)), lambda _: pytest.fail("it is weighed"))
-    assert fitting.rows.all() and fitting.share == 1.0
-    assert fitting.content == spz_bytes(whole)
+    most = len(spz_bytes(whole))
+    content, rows, share = fitted(whole, most, lambda _: pytest.fail("it is weighed"))
+    assert rows.all() and share == 1.0
+    assert content == spz_bytes(whole)
 
 
 @pytest.mark.parametrize("part", [0.9, 0.5])
 def test_what_shows_most_is_kept_and_its_share_is_told(part: float):
     whole = cloud(count=1000)
     most = int(part * len(spz_bytes(whole)))
-    reduced = fitted(whole, most, by_opacity)
-    assert 0.9 * most <= len(reduced.content) <= most, "not less than need be"
-    kept = np.sort(whole.opacities)[len(whole) - reduced.rows.sum() :]
-    read = np.sort(read_splats(reduced.content).opacities)
+    content, rows, share = fitted(whole, most, by_opacity)
+    assert 0.9 * most <= len(content) <= most, "not less than need be"
+    kept = np.sort(whole.opacities)[len(whole) - rows.sum() :]
+    read = np.sort(read_splats(content).opacities)
     assert np.allclose(read, kept, atol=0.01), "a byte holds an opacity"
-    assert reduced.share == pytest.approx(kept.sum() / whole.opacities.sum(), rel=1e-6)
+    assert share == pytest.approx(kept.sum() / whole.opacities.sum(), rel=1e-6)
 
 
 @pytest.mark.parametrize("most", [1000, -5])

@@ -7,14 +7,15 @@ import json
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
+from desplat_ns.commands.reproduce import Arguments
 from desplat_ns.errors import CaptureError, ConfigError, DeSplatError
 from desplat_ns.fetch.sources import SOURCES
 from desplat_ns.studies import reproduce as module
-from desplat_ns.studies.methods import Content
 from desplat_ns.studies.paper import (
     MEAN,
     METHODS,
@@ -30,8 +31,8 @@ from tests.helpers.made_up_runs import made_up
 
 def contents_of(name: TableName) -> dict:
     """All scenes of a table, as if they were there."""
-    content = Content(photos=20, held_out=5, width=100, height=80)
-    places = {s: Path("/data") / s.data_set.folder / s.folder for s in TABLES[name].scenes}
+    content = "20 photos train, 5 test"
+    places = {s: Path("/data") / s.data_set.name / s.folder for s in TABLES[name].scenes}
     return {replace(scene, place=place): content for scene, place in places.items()}
 
 
@@ -46,13 +47,11 @@ def made(monkeypatch) -> Callable[..., Path]:
     """`reproduce`, which takes all scenes to be there."""
     monkeypatch.setattr(module, "find_contents", lambda table, *_: (contents_of(table.name), []))
 
-    def make(name: TableName, output: Path, do=made_up, device: str = "cuda", **given: Any) -> Path:
+    def make(name: TableName, output: Path, do=made_up, **given: Any) -> Path:
         options = {"seeds": 1, "smoke": None, "methods": TABLES[name].methods} | given
         methods = tuple(METHODS[method] for method in options.pop("methods"))
         places = (output.parent / "data", output)
-        return reproduce(
-            TABLES[name], *places, methods, executor=Executor(do=do), device=device, **options
-        )
+        return reproduce(TABLES[name], *places, methods, executor=Executor(do=do), **options)
 
     return make
 
@@ -116,13 +115,17 @@ def test_what_fails_is_named_and_tried_again(made, tmp_path: Path):
     assert len(again.done) == 1
 
 
-def test_without_a_gpu_only_a_smoke_run_is_done(made, tmp_path: Path):
-    executor = Counting()
+def test_without_a_gpu_only_a_smoke_run_is_done(tmp_path: Path, monkeypatch):
+    def reach(*_: Any) -> None:
+        raise InterruptedError
+
+    machine = SimpleNamespace(machine=SimpleNamespace(device_type="cpu"))
+    monkeypatch.setattr("desplat_ns.studies.methods.method_config", lambda method: machine)
+    monkeypatch.setattr(module, "reproduce", reach)
     with pytest.raises(ConfigError, match="--smoke"):
-        made("A6", tmp_path / "out", executor, "cpu")
-    assert executor.done == []
-    made("A6", tmp_path / "out", executor, "cpu", smoke=Smoke())
-    assert len(executor.done) == 21
+        Arguments("A6", tmp_path).main()
+    with pytest.raises(InterruptedError):
+        Arguments("A6", tmp_path, smoke=True).main()
 
 
 def test_missing_scenes_name_their_folder_and_what_to_type(tmp_path: Path):
@@ -144,7 +147,7 @@ def cells(
         if (scene, seed) != absent:
             record = made_up(run, folder)
             grid.records[run.key] = replace(record, scores={"psnr": psnr[scene] + seed - 42})
-    return {cell["scene"]: cell for cell in cells_of(grid)}
+    return {scene: cell for (_, _, scene), cell in cells_of(grid).items()}
 
 
 def test_the_mean_is_that_of_scenes_and_then_of_seeds_that_have_all(tmp_path: Path):
@@ -173,7 +176,7 @@ def test_the_page_has_ours_the_papers_and_the_difference(made, tmp_path: Path):
 @pytest.mark.parametrize("table", TABLES.values(), ids=TABLES)
 def test_scenes_have_downloads_and_methods_stand_beside_rows_of_figures(table):
     for scene in table.scenes:
-        place = f"{scene.data_set.folder}/{scene.folder}"
+        place = f"{scene.data_set.name}/{scene.folder}"
         assert place.startswith(SOURCES[scene.fetch].folder)
     figures, names = figures_of(table.name), {scene.name for scene in table.scenes}
     for row, metric in {(row, metric) for row, _, metric in figures}:

@@ -11,7 +11,7 @@ import pytest
 from desplat_ns.errors import DeSplatError
 from desplat_ns.studies import runs as module
 from desplat_ns.studies.machine import code_version
-from desplat_ns.studies.records import FILE, Record, load
+from desplat_ns.studies.records import FILE, Key, Record, load
 from desplat_ns.studies.runs import Executor, Run, execute
 from lab.synthetic import Scene
 from tests.helpers.made_up_runs import made_up
@@ -67,16 +67,16 @@ def test_the_process_has_one_thread_and_its_numbers_and_texts_are_kept(
     assert record.key == ("desplat", given, str(tmp_path), 42)
 
 
-def test_an_earlier_run_stays_until_another_is_whole(program, tmp_path: Path):
+def test_a_run_replaces_an_earlier_one_and_leaves_its_log_where_it_fails(program, tmp_path: Path):
     earlier = tmp_path / "runs" / "ours-3-42"
     earlier.mkdir(parents=True)
-    (earlier / "mine").touch()
+    (earlier / "old.png").touch()
     with pytest.raises(DeSplatError, match="/absent"):
         execute(run_on(None), tmp_path / "runs")
     program("sys.exit('no')")
     with pytest.raises(DeSplatError, match=r"run\.log"):
         execute(run_on(tmp_path), tmp_path / "runs")
-    assert (earlier / "mine").exists()
+    assert "no" in (earlier / "run.log").read_text()
     program(writing("{}"))
     execute(run_on(tmp_path), tmp_path / "runs")
     assert sorted(path.name for path in earlier.iterdir()) == ["results.json", "run.log"]
@@ -92,16 +92,12 @@ def failing(run: Run, folder: Path) -> Record:
 
 
 def test_runs_are_recorded_and_those_that_fail_leave_the_others(tmp_path: Path):
-    done = []
-
-    def keep(run: Run, record: Record) -> None:
-        done.append(run.seed)
-
-    failed = Executor(jobs=2, do=failing).finish(RUNS, tmp_path / FILE, tmp_path, keep)
-    assert failed == {"a-9-1": "too dark"} and sorted(done) == [0, 2, 3]
-    assert {record.seed for record in load(tmp_path / FILE).values()} == {0, 2, 3}
-    assert Executor(do=made_up).finish(RUNS, tmp_path / FILE, tmp_path, keep) == {}
-    assert done[3:] == [1], "nothing is done twice"
+    records, places = dict[Key, Record](), (tmp_path / FILE, tmp_path)
+    failed = Executor(jobs=2, do=failing).finish(RUNS, records, *places)
+    assert failed == {"a-9-1": "too dark"} and sorted(key[-1] for key in records) == [0, 2, 3]
+    assert load(tmp_path / FILE) == records
+    assert Executor(do=made_up).finish(RUNS, records, *places) == {}
+    assert [key[-1] for key in load(tmp_path / FILE)][3:] == [1], "nothing is done twice"
 
 
 def test_the_next_run_is_asked_for_when_there_is_a_place_for_it(tmp_path: Path):
@@ -113,14 +109,15 @@ def test_the_next_run_is_asked_for_when_there_is_a_place_for_it(tmp_path: Path):
             events.append(("asked", run.seed))
             yield run
 
-    def keep(run: Run, record: Record) -> None:
+    def do(run: Run, folder: Path) -> Record:
         events.append(("done", run.seed))
+        return made_up(run, folder)
 
-    Executor(do=made_up).finish(coming(), tmp_path / FILE, tmp_path, keep)
+    Executor(do=do).finish(coming(), {}, tmp_path / FILE, tmp_path)
     assert events == [(what, seed) for seed in range(4) for what in ("asked", "done")]
 
 
 def test_a_study_without_ray_says_what_to_install(monkeypatch, tmp_path: Path):
     monkeypatch.setitem(sys.modules, "ray", None)
     with pytest.raises(DeSplatError, match="pip install"):
-        Executor("ray").finish(RUNS, tmp_path / FILE, tmp_path)
+        Executor("ray").finish(RUNS, {}, tmp_path / FILE, tmp_path)

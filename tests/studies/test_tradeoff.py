@@ -15,7 +15,7 @@ from scipy import stats
 from desplat_ns.errors import ConfigError, DeSplatError
 from desplat_ns.settings.effects import Effects
 from desplat_ns.studies import tradeoff as module
-from desplat_ns.studies.methods import Content, parse
+from desplat_ns.studies.methods import parse
 from desplat_ns.studies.page import Measured, corrected, p_value, verdicts, write_page
 from desplat_ns.studies.records import FILE, Record, load, open_records
 from desplat_ns.studies.runs import Executor, Run
@@ -25,22 +25,21 @@ from desplat_ns.studies.tradeoff import (
     SEEDS,
     SHORTEST,
     WANTED,
-    Capture,
     Study,
     compared,
-    do_study,
-    fitting,
     pace_of,
-    planned,
-    run_of,
-    steps_that_fit,
 )
 from tests.helpers.made_up_runs import made_up
 
 pytestmark = pytest.mark.usefixtures("tyro_may_build")
 
-CAPTURE = Capture(Path("/photos/garden"), ("colmap",), Content(20, 3, 120, 80, 500), Effects())
-FIRST = run_of(CAPTURE)
+
+def study_of(seconds: float, records=None, output: Path = Path(), do=made_up) -> Study:
+    capture = Path("/photos/garden"), ("colmap",), "20 photos train", Effects()
+    return Study(*capture, output, seconds, Executor(do=do), records or {})
+
+
+FIRST = study_of(0.0).run_of()
 
 
 def records_of(*runs: Run):
@@ -80,24 +79,25 @@ def test_runs_are_expected_to_take_what_the_longest_of_their_variant_took():
 
 @pytest.mark.parametrize("seconds", [30.0, 5e3, 1e6])
 def test_a_comparison_is_the_longest_that_fits(seconds: float):
-    pace = pace_of([FIRST], records_of(FIRST))
-    steps = steps_that_fit(seconds, pace, CAPTURE, 30_000)
+    records = records_of(FIRST)
+    pace, study = pace_of([FIRST], records), study_of(seconds, records)
+    steps = study.steps_that_fit(30_000)
 
     def cost(steps: int) -> float:
         seeds = SEEDS if steps > WANTED else SEEDS[:1]
-        return sum(pace(run) for run in planned(CAPTURE, steps, 30_000) if run.seed in seeds)
+        return sum(pace(run) for run in study.plan(steps, 30_000) if run.seed in seeds)
 
     assert steps == SHORTEST or cost(steps) <= seconds
     assert 2 * steps > 30_000 or cost(2 * steps) > seconds
 
 
 def test_runs_that_do_not_fit_are_passed_over_and_asked_for_late():
-    runs = [FIRST, *(replace(FIRST, steps=steps) for steps in (10_000, 250))]
-    done, left = records_of(FIRST), [100.0]
-    coming = fitting(runs, done, lambda: left[0])
-    assert next(coming) == runs[2] and next(coming, None) is None
-    again = fitting(runs, done, lambda: left[0])
-    left[0] = 10.0
+    study = study_of(100.0, records_of(FIRST))
+    study.planned = [FIRST, *(replace(FIRST, steps=steps) for steps in (10_000, 250))]
+    coming = study.fitting()
+    assert next(coming) == study.planned[2] and next(coming, None) is None
+    again = study.fitting()
+    study.seconds = study.spent + 10.0
     assert next(again, None) is None, "the time is looked at when a run is asked for"
 
 
@@ -141,9 +141,8 @@ def sit(time: Time, tmp_path: Path) -> Sit:
 
     def session(seconds: float) -> Study:
         time.done.clear()
-        records = open_records(tmp_path)
-        study = Study(CAPTURE, tmp_path, seconds, Executor(do=time.do), records)
-        do_study(study)
+        study = study_of(seconds, open_records(tmp_path), tmp_path, time.do)
+        study.do()
         return study
 
     return session
@@ -160,14 +159,14 @@ def test_runs_end_up_in_the_file_and_the_page(sit: Sit, time: Time, tmp_path: Pa
     assert "garden" in page and "p &lt; 0.001" in page and "too dark" in page
     outside = re.findall(r"<script|<link|(?:src|href)=.(?!data:|#)", page)
     assert outside == [], "the page needs no other file"
-    assert (tmp_path / "training.svg").stat().st_size > 1000
+    assert "<svg" in page
 
 
 @pytest.mark.slow
 def test_another_session_goes_on_with_what_is_missing(sit: Sit, time: Time, tmp_path: Path):
     first = sit(600.0)
     before = list(time.done)
-    assert first.left_out
+    assert any(run.key not in first.records for run in first.planned), "time is over"
     again = sit(600.0)
     assert time.done == [] and [r.key for r in again.planned] == [r.key for r in first.planned]
     assert again.spent == pytest.approx(first.spent), "earlier sessions count"
@@ -203,7 +202,7 @@ def test_p_is_that_of_a_paired_t_test(differences):
     """Both round sums of three numbers; near 0 scipy's own has 1e-12 or so."""
     if len(set(differences)) > 1:
         expected = stats.ttest_1samp(differences, 0.0)[1]
-        assert p_value(differences) == pytest.approx(expected, rel=1e-6)
+        assert p_value(differences) == pytest.approx(expected, abs=1e-9)
     assert p_value((0.5, 0.5, 0.5)) == 0.0 and p_value((0.0, 0.0, 0.0)) == 1.0
 
 

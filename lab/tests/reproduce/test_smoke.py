@@ -41,14 +41,14 @@ def test_a_killed_smoke_table_of_two_data_sets_goes_on_and_is_the_same(data: Pat
     def folder_of(name: str, do) -> Path:
         methods = (METHODS["desplat-paper"], METHODS["splatfacto"])
         output = tmp_path / name
-        return reproduce(TABLES["A7"], data, output, methods, 1, Executor(do=do), "cpu", SMOKE)
+        return reproduce(TABLES["A7"], data, output, methods, 1, Executor(do=do), SMOKE)
 
     whole = json.loads((folder_of("whole", here) / "table.json").read_text())
     assert {cell["scene"] for cell in whole["cells"]} == {"Yoda", "Patio-High", "mean"}
     assert {cell["metric"] for cell in whole["cells"]} == {"static_mb", "distractor_mb"}
     conditions = whole["conditions"]
     assert conditions["steps"] == [4] and conditions["versions"]
-    assert conditions["scenes"]["Patio-High"]["points"] == 0
+    assert "Patio-High" in conditions["scenes"][1] and " 0 points" in conditions["scenes"][1]
     assert not list(tmp_path.rglob("nerfstudio_models")), "nobody needs them"
     with pytest.raises(KeyboardInterrupt):
         folder_of("out", killed)

@@ -1,0 +1,27 @@
+"""The machine that something is measured on, in words. Nothing that names the machine itself."""
+
+from __future__ import annotations
+
+import platform
+from importlib.metadata import version
+
+import psutil
+
+from desplat_ns.cores import cores
+from desplat_ns.studies.machine import code_version, processor, short, today
+
+PACKAGES = ("torch", "numba", "llvmlite", "numpy", "gsplat", "nerfstudio")
+
+
+def describe_machine() -> dict[str, str]:
+    """Processor, memory, system, versions, commit and date, each as a text to print."""
+    return {
+        "Processor": processor(),
+        "Cores": str(cores()),
+        "Memory": f"{psutil.virtual_memory().total / 2**30:.0f} GiB",
+        "System": f"{platform.system()} {platform.machine()}",
+        "Python": platform.python_version(),
+        **{name: version(name) for name in PACKAGES},
+        "Commit": short(code_version()),
+        "Date": today(),
+    }
