@@ -188,7 +188,7 @@ def _usable_photos(request: Request, sources: Sources) -> list[Photo]:
         with progress_with_time_left("Video") as show:
             names = take_frames(sources.folder / names[0], folder, request.frames, show)
     # COLMAP's threads end the process where the disk is full
-    check_room(request.output, BYTES * len(names), "copies and features take up to", "OUTPUT")
+    check_room(request.output, BYTES * len(names), "copies and features take up to")
     side, threads = request.longest_side, request.threads or cores()
     with progress_with_time_left("Photos") as show:
         photos = prepare_photos(folder, names, work / "photos", side, threads, show)
