@@ -16,17 +16,11 @@ from desplat_ns.errors import CaptureError
 from desplat_ns.fetch.sources import Source
 from desplat_ns.files.whole import check_room, only_process_in
 
-ATTEMPTS = 5
-"""Connections in a row that may bring nothing before it is given up."""
-
+ATTEMPTS = 10
+"""Connections that may break before it is given up; a call goes on where the last one ended."""
 PATIENCE = 60
 """Seconds without a byte after which a connection counts as broken."""
-
-CHUNK = 1 << 20
-"""Bytes."""
-
-Progress = Callable[[int, int], None]
-"""Takes bytes that are there, and bytes in all."""
+MEGABYTE = 10**6
 
 
 def fetch(source: Source, folder: Path) -> list[Path]:
@@ -45,7 +39,8 @@ def fetch(source: Source, folder: Path) -> list[Path]:
     with only_process_in(home):
         for address in source.files:
             _fetch_file(address, home)
-    captures = [place for place in (home, *sorted(home.iterdir())) if _is_capture(place)]
+    places = (home, *sorted(home.iterdir()))
+    captures = [at for at in places if (at / "images").is_dir() or (at / "dense").is_dir()]
     if not captures:
         raise CaptureError(
             f"There are no photos in '{home}': the data set is laid out in another way than it was "
@@ -54,23 +49,16 @@ def fetch(source: Source, folder: Path) -> list[Path]:
     return captures[:1] if captures[0] == home else captures
 
 
-def _is_capture(folder: Path) -> bool:
-    return any((folder / name).is_dir() for name in ("images", "dense"))
-
-
 def _fetch_file(address: str, home: Path) -> None:
     target = home / address.rpartition("/")[2]
     mark, is_archive = home / f".{target.name}.unpacked", target.suffix != ".tsv"
     if mark.exists() or (target.exists() and not is_archive):
-        again = f" To have it unpacked anew: remove '{home}'." if mark.exists() else ""
-        announce(f"{target.name} is there already.{again}")
+        announce(f"{target.name} is there already. To have it anew: remove '{home}'.")
         return
     if not target.exists():
         announce(f"Fetching {address}")
         with progress_with_time_left(f"{target.name}, MB") as bar:
-            download(
-                address, target, lambda done, total: bar(done // 10**6, max(done, total) // 10**6)
-            )
+            download(address, target, bar)
     if is_archive:
         announce(f"Unpacking {target}, {target.stat().st_size / 1e9:.2f} GB")
         unpack(target, home)
@@ -114,48 +102,40 @@ def unpack(archive: Path, folder: Path) -> None:
         shutil.rmtree(unpacked, ignore_errors=True)
 
 
-def download(address: str, target: Path, progress: Progress) -> None:
-    """Fetch a file. What is there of it from an earlier call is kept, unless the server has another
-    one by now.
+def download(address: str, target: Path, progress: Callable[[int, int], None]) -> None:
+    """Fetch a file; what is there of it from an earlier call is kept.
 
     Args:
-        target: is not there yet; until the file is whole it is called `NAME.part`, and
-            `NAME.part.version` has what the server calls this version of it.
+        target: is not there yet, but its folder is; until the file is whole it is called
+            `NAME.part`.
+        progress: takes megabytes that are there, and megabytes in all.
 
     Raises:
         CaptureError: the server cannot be reached, has no such file or breaks off.
         ConfigError: the disk will not hold it.
     """
-    target.parent.mkdir(parents=True, exist_ok=True)
     part = target.with_name(f"{target.name}.part")
-    version = target.with_name(f"{target.name}.part.version")
-    have = failed = 0
-    while True:
+    for attempt in range(1, ATTEMPTS + 1):
         try:
-            _go_on(address, part, version, progress)
+            _go_on(address, part, progress)
             break
-        except (requests.RequestException, OSError) as error:
-            before, have = have, part.stat().st_size if part.exists() else 0
-            failed = 1 if have > before else failed + 1
-            if not isinstance(error, requests.RequestException) or failed >= ATTEMPTS:
+        except OSError as error:  # requests' errors are such, too
+            if attempt == ATTEMPTS:
                 raise CaptureError(
-                    f"{address} could not be fetched ({error}). {have / 1e6:.1f} MB are there and "
-                    "are kept. Type the same again to go on."
+                    f"{address} could not be fetched ({error}). What is there is kept. Type the "
+                    "same again to go on."
                 ) from error
-            time.sleep(2.0**failed / 4)
+            time.sleep(attempt)
     part.replace(target)
-    version.unlink(missing_ok=True)
 
 
-def _go_on(address: str, part: Path, version: Path, progress: Progress) -> None:
-    """Fetch what is missing. Raises as `download`, or requests.RequestException, OSError."""
-    known = version.read_text() if version.is_file() else ""
-    have = part.stat().st_size if known and part.exists() else 0
+def _go_on(address: str, part: Path, progress: Callable[[int, int], None]) -> None:
+    """Fetch what is missing. Raises as `download`, or OSError."""
+    have = part.stat().st_size if part.exists() else 0
     headers = {"Accept-Encoding": "identity"}
     if have:
-        headers |= {"Range": f"bytes={have}-", "If-Range": known}
+        headers["Range"] = f"bytes={have}-"
     with requests.get(address, headers=headers, stream=True, timeout=PATIENCE) as answer:
-        check_encrypted(address, [response.url for response in (*answer.history, answer)])
         if answer.status_code == 416:  # what is there is not a part of the file
             part.unlink()
         if answer.status_code in (416, 429) or answer.status_code >= 500:
@@ -167,19 +147,11 @@ def _go_on(address: str, part: Path, version: Path, progress: Progress) -> None:
             )
         have = have if answer.status_code == 206 else 0
         left = int(answer.headers.get("Content-Length", 0))
-        check_room(part.parent, left, "what is to come has", "--folder")
-        version.write_text(answer.headers.get("ETag") or answer.headers.get("Last-Modified") or "")
+        check_room(part.parent, left, "what is to come has")
         with part.open("ab" if have else "wb") as file:
-            for chunk in answer.iter_content(CHUNK):  # raises where fewer bytes come than promised
+            for chunk in answer.iter_content(
+                MEGABYTE
+            ):  # raises where fewer bytes come than promised
                 file.write(chunk)
-                progress(file.tell(), have + left)
-
-
-def check_encrypted(address: str, led_through: list[str]) -> None:
-    """Raise CaptureError where an encrypted address leads to one that is not."""
-    plain = [url for url in led_through if not url.startswith("https:")]
-    if address.startswith("https:") and plain:
-        raise CaptureError(
-            f"{address} leads to {plain[0]}, which is not encrypted: anybody on the way could "
-            "change the file. Look at the data set's page for another address."
-        )
+                done = file.tell()
+                progress(done // MEGABYTE, max(done, have + left) // MEGABYTE)

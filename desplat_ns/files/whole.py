@@ -46,21 +46,20 @@ def check_new_folder(path: Path, overwrite: bool, option: str = "--output") -> N
     _check_writable(path.parent, option)
 
 
-def check_room(folder: Path, needed: int, what: str, option: str) -> None:
-    """Make sure that the disk of a folder will hold some bytes.
+def check_room(folder: Path, needed: int, what: str) -> None:
+    """Make sure that the disk of a folder, which is there, will hold some bytes.
 
     Args:
         what: needs them, with a verb: "the runs need".
-        option: by which a user names the folder.
 
     Raises:
         ConfigError: it will not.
     """
-    free = shutil.disk_usage(_nearest(folder)).free
+    free = shutil.disk_usage(folder).free
     if needed > free:
         raise ConfigError(
             f"'{folder}' has room for {free / 1e9:.1f} GB, and {what} {needed / 1e9:.1f} GB. Make "
-            f"room, or name another folder with {option}."
+            "room, or name another folder."
         )
 
 
@@ -130,25 +129,24 @@ def only_process_in(folder: Path) -> Iterator[None]:
     path, made = folder / IN_USE, not folder.exists()
     lock = FileLock(path, timeout=0)
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        lock.acquire()
-    except Timeout as error:
-        raise ConfigError(
-            f"Another process is at work in '{folder}'. Wait for its end, or name another folder."
-        ) from error
-    except OSError as error:
-        raise ConfigError(f"'{folder}' cannot be made ({error}). Name another folder.") from error
-    try:
         try:
+            folder.mkdir(parents=True, exist_ok=True)
+            lock.acquire()
             path.write_text("in use\n")  # a full disk is told at once
+        except Timeout as error:
+            raise ConfigError(
+                f"Another process is at work in '{folder}'. Wait for its end, or name another "
+                "folder."
+            ) from error
         except OSError as error:
             raise ConfigError(
                 f"Nothing can be written to '{folder}' ({error}). Name another folder."
             ) from error
         yield
     finally:
-        with suppress(OSError):
-            path.unlink()  # while it is held: filelock notices that a file is gone
+        if lock.is_locked:
+            with suppress(OSError):
+                path.unlink()  # while it is held: filelock notices that a file is gone
         lock.release()
         if made:
             with suppress(OSError):
@@ -156,25 +154,16 @@ def only_process_in(folder: Path) -> Iterator[None]:
 
 
 def _sync(path: Path) -> None:
-    """Wait until a file, or a renaming in a folder, is on the disk; Windows opens no folders."""
-    if path.is_dir() and not hasattr(os, "O_DIRECTORY"):
-        return
-    handle = os.open(path, os.O_RDONLY if path.is_dir() else os.O_RDWR)
+    """Wait until a file, or a renaming in a folder, is on the disk."""
+    handle = os.open(path, os.O_RDONLY)
     try:
         os.fsync(handle)
     finally:
         os.close(handle)
 
 
-def _nearest(folder: Path) -> Path:
-    """A folder, or the nearest around it that is there."""
-    return next(path for path in (folder, *folder.absolute().parents) if path.exists())
-
-
 def _check_writable(folder: Path, option: str) -> None:
-    """Whether something can be made in a folder, or in the nearest that is there."""
-    there = _nearest(folder)
-    if not there.is_dir():
-        raise ConfigError(f"'{there}' is a file; {option} names something in it. Name a folder.")
+    """Whether something can be made in a folder, or in the nearest around it that is there."""
+    there = next(path for path in (folder, *folder.absolute().parents) if path.exists())
     with plain_errors(folder, option):
         tempfile.TemporaryFile(dir=there).close()

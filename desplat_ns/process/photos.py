@@ -12,7 +12,6 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
-from statistics import median
 
 import cv2
 import numpy as np
@@ -24,7 +23,7 @@ from desplat_ns.data.images import lens_of, read_image, read_mask, resize_image,
 from desplat_ns.data.photo_files import photo_names
 from desplat_ns.errors import CaptureError
 from desplat_ns.files.whole import write_whole
-from desplat_ns.process.request import CameraModel, Cameras
+from desplat_ns.process.request import Cameras
 
 JPEG_QUALITY = 95
 """Of what is written: photos are written twice, so each time must cost nothing to be seen."""
@@ -32,9 +31,6 @@ SHARPNESS_SIDE = 800
 """Pixels of the longer side at which sharpness is measured, so that photos of all sizes compare."""
 FILM_DIAGONAL = 43.2666
 """Millimetres across 35 mm film, which EXIF's focal length is for."""
-TERMS = ((10, "RADIAL"), (3, "SIMPLE_RADIAL"), (1, "SIMPLE_PINHOLE"))
-"""From so many photos of one camera on: two, one or no term of radial distortion. A term of a
-single photo takes up whatever does not fit, up to values that no lens has."""
 
 
 @dataclass(frozen=True)
@@ -58,19 +54,6 @@ class Photo:
     """Focal length in pixels of the copy by EXIF; 0 where it does not say."""
     problem: str = ""
     """Why it cannot be used; empty where it can."""
-
-
-@dataclass(frozen=True)
-class Camera:
-    """A camera and the copies of photos that it took, all of one size."""
-
-    model: str
-    """COLMAP's name."""
-    width: int
-    height: int
-    focal: float
-    """Pixels, by EXIF; 0 where it does not say."""
-    copies: tuple[str, ...]
 
 
 def numbered(sources: Sequence[str]) -> list[Photo]:
@@ -145,10 +128,9 @@ def _copy(folder: Path, photo: Photo, copies: Path, longest_side: int) -> tuple[
 def sharpness(pixels: UInt8[np.ndarray, "H W 3"]) -> float:
     """Variance of the Laplacian of a photo's grey values, at `SHARPNESS_SIDE` pixels at most."""
     grey = cv2.cvtColor(pixels, cv2.COLOR_RGB2GRAY)
-    scale = SHARPNESS_SIDE / max(grey.shape)
-    if scale < 1:
-        grey = cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
-    return float(cv2.Laplacian(grey, cv2.CV_64F).var())
+    scale = min(1.0, SHARPNESS_SIDE / max(grey.shape))
+    small = cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+    return float(cv2.Laplacian(small, cv2.CV_64F).var())
 
 
 def prepare_masks(mask: Path, photos: Sequence[Photo], copies: Path) -> int:
@@ -165,39 +147,35 @@ def prepare_masks(mask: Path, photos: Sequence[Photo], copies: Path) -> int:
     Raises:
         CaptureError: none has one, or one has another shape than its photo, or cannot be read.
     """
-    names = [] if mask.is_file() else photo_names(mask)
-    there = {str(PurePosixPath(name).with_suffix("")).lower(): mask / name for name in names}
-    paths = {
-        photo: mask
-        if mask.is_file()
-        else there.get(photo.source.lower())
-        or there.get(str(PurePosixPath(photo.source).with_suffix("")).lower())
-        for photo in photos
-    }
-    if not any(paths.values()):
+    names = photo_names(mask)
+    masks = {str(PurePosixPath(name).with_suffix("")).lower(): mask / name for name in names}
+    count = 0
+    for photo in photos:
+        source = PurePosixPath(photo.source.lower())
+        path = masks.get(str(source)) or masks.get(str(source.with_suffix("")))
+        path = mask if mask.is_file() else path
+        if path is None:
+            continue
+        white, count = read_mask(path), count + 1
+        height, width = white.shape
+        if abs(width / height - photo.width / photo.height) > 0.02 * width / height:
+            raise CaptureError(
+                f"Mask {path} has {width}x{height} pixels, {photo.source} is of another shape "
+                f"({photo.width}x{photo.height} as used). Make it of the photo's size."
+            )
+        size = photo.width, photo.height
+        resized = cv2.resize(white.astype(np.float32), size, interpolation=cv2.INTER_AREA)
+        write_image(copies / f"{photo.copy}.png", resized >= 0.5)
+    if count == 0:
         raise CaptureError(
-            f"No mask in {mask} belongs to a photo (it has {list_names(names, 5)}). "
-            f"Needed are files named as the photos: {Path(photos[0].source).stem}.png for "
-            f"{photos[0].source}; or name one picture that is the mask of all."
+            f"No mask in {mask} belongs to a photo (it has {list_names(names, 5)}). Needed are "
+            "files named as the photos, or name one picture that is the mask of all."
         )
-    for photo, path in paths.items():
-        if path is not None:
-            white = read_mask(path)
-            height, width = white.shape
-            if abs(width / height - photo.width / photo.height) > 0.02 * width / height:
-                raise CaptureError(
-                    f"Mask {path} has {width}x{height} pixels, {photo.source} is of another shape "
-                    f"({photo.width}x{photo.height} as used). Make it of the photo's size."
-                )
-            values = white.astype(np.uint8) * 255
-            size = photo.width, photo.height
-            resized = cv2.resize(values, size, interpolation=cv2.INTER_AREA)
-            write_image(copies / f"{photo.copy}.png", resized > 127)
-    return sum(path is not None for path in paths.values())
+    return count
 
 
-def group_by_camera(photos: Sequence[Photo], cameras: Cameras, model: CameraModel) -> list[Camera]:
-    """The cameras of photos: focal length and distortion are found for all photos of one together.
+def group_by_camera(photos: Sequence[Photo], cameras: Cameras) -> list[list[Photo]]:
+    """Photos of one camera each: focal length and distortion are found for them together.
 
     Photos share one if they have the same size, folder, make, model, lens and focal length. Where
     EXIF does not say, they share one by size, unless sizes are as mixed as those of photos of
@@ -221,16 +199,4 @@ def group_by_camera(photos: Sequence[Photo], cameras: Cameras, model: CameraMode
         elif cameras == "folder":
             key += (folder,)
         groups.setdefault(key, []).append(photo)
-    cameras_found = []
-    for group in groups.values():
-        fitting = next(name for least, name in TERMS if len(group) >= least)
-        known = [photo.focal for photo in group if photo.focal]
-        found = Camera(
-            model=fitting if model == "auto" else model,
-            width=group[0].width,
-            height=group[0].height,
-            focal=median(known) if known else 0.0,
-            copies=tuple(photo.copy for photo in group),
-        )
-        cameras_found.append(found)
-    return cameras_found
+    return list(groups.values())

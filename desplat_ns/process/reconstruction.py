@@ -13,11 +13,12 @@ Letters in shapes: N photos, F features, D numbers of a descriptor, W words.
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from itertools import combinations, count
 from pathlib import Path
+from statistics import median
 
 import cv2
 import numpy as np
@@ -25,13 +26,13 @@ import numpy as np
 # PIL before pycolmap: pycolmap 4.2.1 imported first corrupted the heap when PNGs were written.
 import PIL.Image  # noqa: F401
 import pycolmap
-from jaxtyping import Float32
+from jaxtyping import Float32, UInt8
 
 from desplat_ns.console import progress_with_time_left
+from desplat_ns.cores import cores
 from desplat_ns.errors import CaptureError
-from desplat_ns.files.whole import draft_of
-from desplat_ns.process.photos import Camera
-from desplat_ns.process.request import MIN_PHOTOS
+from desplat_ns.process.photos import Photo, group_by_camera
+from desplat_ns.process.request import MIN_PHOTOS, CameraModel, Request
 
 # All that pycolmap tells stands on the console else, between the bars of progress.
 pycolmap.logging.minloglevel = pycolmap.logging.ERROR.value
@@ -39,6 +40,9 @@ pycolmap.logging.minloglevel = pycolmap.logging.ERROR.value
 Count = Callable[[int, int], None]
 """Called with what is done of a stage and what there is to do."""
 
+TERMS = ((10, "RADIAL"), (3, "SIMPLE_RADIAL"), (1, "SIMPLE_PINHOLE"))
+"""From so many photos of one camera on: two, one or no term of radial distortion. A term of a
+single photo takes up whatever does not fit, up to values that no lens has."""
 PHOTOS_AT_ONCE = 2
 """Of each thread in one call: few, so that progress is seen and a kill costs little."""
 PAIRS_AT_ONCE = 200
@@ -67,9 +71,6 @@ MANY = 100
 FEW = 200
 """Observations of each photo on average below which poses are not relied on: with 130 the centres
 of ten tourists' photos were off by percents of the scene's extent, with 700 by a thousandth."""
-
-Pair = tuple[int, int]
-"""Two photos by their places in the list, the smaller first."""
 
 
 @dataclass(frozen=True)
@@ -137,88 +138,74 @@ class Attempt:
         more observations."""
         return (len(self.models[0].photos), self.models[0].observations) if self.models else (0, 0)
 
-    @property
-    def is_thin(self) -> bool:
-        """Whether poses hang on few observations."""
-        photos, observations = self.score
-        return observations < FEW * photos
-
 
 def reconstruct(
-    place: Path,
-    photos: Path,
-    cameras: Sequence[Camera],
-    masks: Path | None,
-    is_video: bool,
-    recipe: Recipe,
-    threads: int,
+    request: Request, photos: Sequence[Photo], is_video: bool, recipe: Recipe
 ) -> Attempt:
-    """Find poses of photos by a recipe, with a bar for each stage; goes on where an earlier call
-    was stopped.
+    """Find poses of photos by a recipe, with a bar for each stage. Features and matches that an
+    earlier call found are not looked for again.
 
     Args:
-        place: a folder for this recipe: database.db with features and matches, models once there
-            are poses.
-        photos: folder of the copies.
-        masks: folder with COPY.png, or None.
+        photos: copies and masks of them lie in the work folder, which gets a folder for the recipe.
         is_video: whether photos follow each other as frames do.
 
     Raises:
         CaptureError: the camera stands still.
     """
+    work, threads = request.output / "work", request.threads or cores()
+    copies, place = work / "photos", work / recipe.name
+    masks = None if request.mask is None else work / "masks"
     place.mkdir(parents=True, exist_ok=True)
-    database = place / "database.db"
-
-    def stage(name: str) -> AbstractContextManager[Count]:
-        return progress_with_time_left(f"{name} ({recipe.name})")
-
-    with stage("Features") as show:
-        features = find_features(database, photos, cameras, masks, recipe, threads, show)
-    with stage("Matching") as show:
+    database, cameras = place / "database.db", group_by_camera(photos, request.cameras)
+    enter_photos(database, copies, cameras, request.camera_model)
+    with progress_with_time_left(f"Features ({recipe.name})") as show:
+        features = find_features(database, copies, masks, recipe, threads, show)
+    with progress_with_time_left(f"Matching ({recipe.name})") as show:
         match_photos(database, is_video, recipe, threads, show)
     matched, verified = verified_pairs(database)
     if matched >= MIN_PHOTOS > len(verified) + 1:
         raise CaptureError(
             "The camera does not move: matches between photos sit at equal pixel positions, and "
-            "without those hardly any are left. Depth is seen from different places only: walk "
-            "around while taking photos. If a watermark or a part of the camera's stand is all "
-            "that matches, the photos share no place."
+            "without those hardly any are left. Walk around while taking photos. If a watermark or "
+            "a part of the camera's stand is all that matches, the photos share no place."
         )
-    with stage("Mapping") as show:
-        models = map_photos(database, photos, place / "models", recipe, threads, show)
+    with progress_with_time_left(f"Mapping ({recipe.name})") as show:
+        models = map_photos(database, copies, place / "models", recipe, threads, show)
     return Attempt(recipe, models, features, verified)
 
 
 # --- features ------------------------------------------------------------------------------------
 
 
-def find_features(
-    database: Path,
-    photos: Path,
-    cameras: Sequence[Camera],
-    masks: Path | None,
-    recipe: Recipe,
-    threads: int,
-    progress: Count,
-) -> dict[str, int]:
-    """Enter cameras, photos and their SIFT features; photos that have them already are passed over.
-
-    A camera starts with EXIF's focal length, or with COLMAP's guess, 1.2 times the longer side.
-
-    Returns:
-        The number of features of each copy.
-    """
+def enter_photos(
+    database: Path, copies: Path, cameras: Sequence[Sequence[Photo]], camera_model: CameraModel
+) -> None:
+    """Enter photos by their cameras, unless they are there. A camera starts with EXIF's focal
+    length, or with COLMAP's guess, 1.2 times the longer side."""
     entered = feature_counts(database).keys()
-    for camera in cameras:
-        if not entered >= set(camera.copies):
-            reader = pycolmap.ImageReaderOptions(camera_model=camera.model)
-            if camera.focal:
-                start = pycolmap.Camera.create_from_model_name(
-                    0, camera.model, camera.focal, camera.width, camera.height
-                )
-                reader.camera_params = ",".join(map(repr, map(float, start.params)))
-            mode, copies = pycolmap.CameraMode.SINGLE, list(camera.copies)
-            pycolmap.import_images(database, photos, mode, copies, reader)
+    for group in cameras:
+        names = [photo.copy for photo in group]
+        if entered >= set(names):
+            continue
+        fitting = next(name for least, name in TERMS if len(group) >= least)
+        model = fitting if camera_model == "auto" else camera_model
+        reader = pycolmap.ImageReaderOptions(camera_model=model)
+        if known := [photo.focal for photo in group if photo.focal]:
+            start = pycolmap.Camera.create_from_model_name(
+                0, model, median(known), group[0].width, group[0].height
+            )
+            reader.camera_params = ",".join(map(repr, map(float, start.params)))
+        pycolmap.import_images(database, copies, pycolmap.CameraMode.SINGLE, names, reader)
+
+
+def find_features(
+    database: Path, copies: Path, masks: Path | None, recipe: Recipe, threads: int, progress: Count
+) -> dict[str, int]:
+    """The number of SIFT features of each copy; copies that have them already are passed over.
+
+    Args:
+        masks: folder with COPY.png, or None.
+    """
     reader = pycolmap.ImageReaderOptions()
     if masks is not None:
         reader.mask_path = masks
@@ -229,27 +216,21 @@ def find_features(
     options.sift.peak_threshold = recipe.peak_threshold
     options.sift.domain_size_pooling = recipe.careful
     options.sift.estimate_affine_shape = recipe.careful
-    counts = feature_counts(database)
-    missing = [name for name, found in counts.items() if found is None]
-    step = PHOTOS_AT_ONCE * threads
-    for start in range(0, len(missing), step):
-        progress(len(counts) - len(missing) + start, len(counts))
-        names = missing[start : start + step]
+    names = sorted(feature_counts(database))
+    for start in range(0, len(names), PHOTOS_AT_ONCE * threads):
+        progress(start, len(names))
+        some = names[start : start + PHOTOS_AT_ONCE * threads]
         pycolmap.extract_features(
-            database, photos, names, reader_options=reader, extraction_options=options
+            database, copies, some, reader_options=reader, extraction_options=options
         )
-    return {name: found or 0 for name, found in feature_counts(database).items()}
+    return feature_counts(database)
 
 
-def feature_counts(database: Path) -> dict[str, int | None]:
-    """Features of each copy; None where they were not looked for yet."""
+def feature_counts(database: Path) -> dict[str, int]:
+    """Features of each copy; 0 also where they were not looked for yet."""
     with pycolmap.Database.open(database) as db:
-        return {
-            image.name: db.num_keypoints_for_image(image.image_id)
-            if db.exists_keypoints(image.image_id)
-            else None
-            for image in sorted(db.read_all_images(), key=lambda image: image.name)
-        }
+        images = db.read_all_images()
+        return {image.name: db.num_keypoints_for_image(image.image_id) for image in images}
 
 
 # --- matches -------------------------------------------------------------------------------------
@@ -266,16 +247,12 @@ def match_photos(
     with pycolmap.Database.open(database) as db:
         images = sorted(db.read_all_images(), key=lambda image: image.name)
         side = max(max(camera.width, camera.height) for camera in db.read_all_cameras())
-
-        def descriptors(index: int) -> np.ndarray:
-            data = db.read_descriptors(images[index].image_id).data
-            return np.asarray(data, dtype=np.float32).reshape(-1, 128)
-
-        if is_video:
-            loops = similar_pairs(similarities(len(images), descriptors), LOOPS)
-            chosen = sorted({*sequential_pairs(len(images)), *loops})
-        elif len(images) > ALL_PAIRS_UP_TO:
-            chosen = similar_pairs(similarities(len(images), descriptors), recipe.neighbours)
+        if is_video or len(images) > ALL_PAIRS_UP_TO:
+            found = [db.read_descriptors(image.image_id).data for image in images]
+            likeness = similarities([each.reshape(-1, 128) for each in found])
+            chosen = similar_pairs(likeness, LOOPS if is_video else recipe.neighbours)
+            if is_video:
+                chosen = sorted({*sequential_pairs(len(images)), *chosen})
         else:
             chosen = list(combinations(range(len(images)), 2))
     verification = pycolmap.TwoViewGeometryOptions()
@@ -293,63 +270,46 @@ def match_photos(
         pycolmap.match_image_pairs(database, options, pairing, verification)
 
 
-def sequential_pairs(count: int) -> list[Pair]:
-    """Neighbours, and further ones at doubling distances."""
+def sequential_pairs(count: int) -> list[tuple[int, int]]:
+    """Places of neighbours in the list, and of further ones at doubling distances."""
     steps = [*range(1, OVERLAP + 1), *(OVERLAP * 2**k for k in range(1, 12))]
     return sorted((i, i + step) for i in range(count) for step in steps if i + step < count)
 
 
-def similar_pairs(likeness: Float32[np.ndarray, "N N"], neighbours: int) -> list[Pair]:
+def similar_pairs(likeness: Float32[np.ndarray, "N N"], neighbours: int) -> list[tuple[int, int]]:
     """For each photo those most like it; a pair is in if one of both asks for it."""
     scores = likeness.copy()
     np.fill_diagonal(scores, -np.inf)
     order = np.argsort(-scores, axis=1, kind="stable")[:, : min(neighbours, len(scores) - 1)]
-    pairs = {(min(i, int(j)), max(i, int(j))) for i, row in enumerate(order) for j in row}
-    return sorted(pairs)
+    return sorted({(min(i, int(j)), max(i, int(j))) for i, row in enumerate(order) for j in row})
 
 
 def similarities(
-    count: int, descriptors: Callable[[int], Float32[np.ndarray, "_ D"]]
+    photos: Sequence[UInt8[np.ndarray, "_ D"]],
 ) -> Float32[np.ndarray, "N N"]:
-    """Cosines between photos, in [-1, 1]; 0 for photos without features.
-
-    Args:
-        count: of the photos.
-        descriptors: gives those of a photo. It is asked twice for each, one after another: those
-            of 2,000 photos are 8 GB, and need not be in memory together.
-    """
+    """Cosines between photos by their descriptors, in [-1, 1]; 0 for photos without features."""
     rng = np.random.default_rng(0)
-    each = max(1, SAMPLES // max(1, count))
-    photos = (descriptors(i) for i in range(count))
+    each = max(1, SAMPLES // len(photos))
     some = [photo[rng.permutation(len(photo))[:each]] for photo in photos]
-    words = _words(np.concatenate(some, dtype=np.float32))
-    vectors = np.stack([_vlad(descriptors(i), words) for i in range(count)])
-    return vectors @ vectors.T
-
-
-def _words(samples: Float32[np.ndarray, "F D"]) -> Float32[np.ndarray, "W D"]:
-    """Centres of the samples' clusters."""
-    if len(samples) == 0:
-        return np.zeros((1, samples.shape[1]), np.float32)
+    samples = np.concatenate(some, dtype=np.float32)
     cv2.setRNGSeed(0)
     criteria = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 20, 1e-4)
-    labels = np.empty((0,), np.int32)
-    count = min(WORDS, len(samples))
-    return cv2.kmeans(samples, count, labels, criteria, 1, cv2.KMEANS_PP_CENTERS)[2]
+    labels, most = np.empty((0,), np.int32), min(WORDS, len(samples))
+    words = cv2.kmeans(samples, most, labels, criteria, 1, cv2.KMEANS_PP_CENTERS)[2]
+    vectors = np.stack([_vlad(photo.astype(np.float32), words) for photo in photos])
+    return vectors @ vectors.T
 
 
 def _vlad(
     features: Float32[np.ndarray, "F D"], words: Float32[np.ndarray, "W D"]
 ) -> Float32[np.ndarray, " WD"]:
     """One vector of length 1, or of zeros without features."""
+    # |f - w|^2 without |f|^2, which is the same for all words
+    nearest = ((words**2).sum(1) - 2 * features @ words.T).argmin(1)
     sums = np.zeros_like(words)
-    if len(features):
-        # |f - w|^2 without |f|^2, which is the same for all words
-        nearest = ((words**2).sum(1) - 2 * features @ words.T).argmin(1)
-        np.add.at(sums, nearest, features - words[nearest])
-    norms = np.linalg.norm(sums, axis=1, keepdims=True)
-    vector = (sums / np.maximum(norms, 1e-9)).ravel()
-    return (vector / max(float(np.linalg.norm(vector)), 1e-9)).astype(np.float32)
+    np.add.at(sums, nearest, features - words[nearest])
+    vector = (sums / np.maximum(np.linalg.norm(sums, axis=1, keepdims=True), 1e-9)).ravel()
+    return vector / max(float(np.linalg.norm(vector)), 1e-9)
 
 
 def verified_pairs(database: Path) -> tuple[int, list[tuple[str, str, int]]]:
@@ -371,44 +331,40 @@ def map_photos(
     database: Path, photos: Path, models: Path, recipe: Recipe, threads: int, progress: Count
 ) -> list[Model]:
     """Find poses and points from verified matches, incrementally; `models` gets a folder for each
-    model, and is there only once all are.
+    model.
 
     Returns:
         The models, the one with most photos first.
     """
-    if not models.is_dir():
-        options = pycolmap.IncrementalPipelineOptions()
-        options.num_threads = threads
-        options.random_seed = SEED
-        options.min_model_size = MIN_PHOTOS
-        options.mapper.abs_pose_min_num_inliers = recipe.pose_inliers
-        with pycolmap.Database.open(database) as db:
-            total = db.num_images()
-        placed = count(1)
+    options = pycolmap.IncrementalPipelineOptions()
+    options.num_threads = threads
+    options.random_seed = SEED
+    options.min_model_size = MIN_PHOTOS
+    options.mapper.abs_pose_min_num_inliers = recipe.pose_inliers
+    total, placed = len(feature_counts(database)), count(1)
 
-        def one_more() -> None:
-            progress(min(next(placed), total), total)
+    def one_more() -> None:
+        progress(min(next(placed), total), total)
 
-        with draft_of(models) as folder:
-            folder.mkdir()
-            mapped = pycolmap.incremental_mapping(
-                database,
-                photos,
-                folder,
-                options,
-                initial_image_pair_callback=one_more,
-                next_image_callback=one_more,
-            )
-            for index, model in mapped.items():
-                if recipe.filtered is not None:
-                    pycolmap.ObservationManager(model).filter_all_points3D(*recipe.filtered)
-                    pycolmap.bundle_adjustment(model)
-                    model.update_point_3d_errors()
-                    (folder / str(index)).mkdir(exist_ok=True)
-                    model.write(folder / str(index))
+    shutil.rmtree(models, ignore_errors=True)
+    models.mkdir()
+    mapped = pycolmap.incremental_mapping(
+        database,
+        photos,
+        models,
+        options,
+        initial_image_pair_callback=one_more,
+        next_image_callback=one_more,
+    )
     found = []
-    for folder in sorted(models.iterdir()):
-        model = pycolmap.Reconstruction(folder)
+    for index, model in mapped.items():
+        if recipe.filtered is not None:
+            pycolmap.ObservationManager(model).filter_all_points3D(*recipe.filtered)
+            pycolmap.bundle_adjustment(model)
+            model.update_point_3d_errors()
+        folder = models / str(index)
+        folder.mkdir(exist_ok=True)
+        model.write(folder)
         names = sorted(model.image(i).name for i in model.reg_image_ids())
         error = float(np.nan_to_num(model.compute_mean_reprojection_error()))
         observations = model.compute_num_observations()

@@ -22,9 +22,6 @@ Effort = Literal["auto", "plain", "thorough"]
 MIN_PHOTOS = 3
 """Two photos can be posed, but there would be none to hold out."""
 SUFFIXES = PHOTO_SUFFIXES | {".jpe", ".jp2", ".ppm", ".pgm", ".tga"}
-VIDEO_SUFFIXES = frozenset(
-    (".mp4", ".mov", ".m4v", ".avi", ".mkv", ".webm", ".mpg", ".mpeg", ".mts", ".3gp", ".insv")
-)
 
 
 @dataclass(frozen=True)
@@ -96,13 +93,10 @@ def find_sources(photos: Path, output: Path) -> Sources:
     Raises:
         CaptureError: nothing there, no photo, one or two photos, several videos.
     """
-    if photos.is_file() and photos.suffix.lower() in VIDEO_SUFFIXES:
+    if photos.is_file():
         return Sources(photos.parent, (photos.name,), is_video=True)
     if not photos.is_dir():
-        raise CaptureError(
-            f"{photos} is neither a folder of photos nor a video "
-            f"({', '.join(sorted(VIDEO_SUFFIXES))}). Check the first path."
-        )
+        raise CaptureError(f"There is no '{photos}'. Name a folder of photos, or a video.")
     out = output.resolve()
     if photos.resolve().is_relative_to(out):
         raise CaptureError(

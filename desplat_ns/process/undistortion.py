@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import io
 import shutil
-from collections.abc import Mapping
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -14,46 +14,31 @@ import numpy as np
 # PIL before pycolmap: pycolmap 4.2.1 imported first corrupted the heap when PNGs were written.
 import PIL.Image  # noqa: F401
 import pycolmap
-from jaxtyping import Float
 from matplotlib.figure import Figure
 
+from desplat_ns.cores import cores
 from desplat_ns.files.whole import write_whole
-from desplat_ns.process.photos import JPEG_QUALITY
-
-MOST_POINTS = 30_000
-"""In the picture from above."""
-BORDER = 0.15
-"""Of the extent of cameras and most points: what is shown around them."""
+from desplat_ns.process.photos import JPEG_QUALITY, Photo
+from desplat_ns.process.request import Request
 
 
-def undistort(
-    model: Path,
-    photos: Path,
-    output: Path,
-    names: Mapping[str, str],
-    longest_side: int,
-    threads: int,
-) -> None:
-    """Write `output`/cameras.png, `output`/images and `output`/sparse/0, whole or not at all.
-
-    Args:
-        photos: folder of the copies.
-        names: what each copy is called in the capture.
-        longest_side: pixels that no undistorted photo exceeds.
+def undistort(request: Request, model: Path, photos: Sequence[Photo]) -> None:
+    """Write OUTPUT/cameras.png, OUTPUT/images and OUTPUT/sparse/0, whole or not at all.
 
     Raises:
         OSError: photos could not be written as a whole.
     """
+    output, names = request.output, {photo.copy: photo.name for photo in photos}
     flat = output / "work" / "undistorted"
     shutil.rmtree(flat, ignore_errors=True)
-    options = pycolmap.UndistortCameraOptions(max_image_size=longest_side)
+    options = pycolmap.UndistortCameraOptions(max_image_size=request.longest_side)
     pycolmap.undistort_images(
         flat,
         model,
-        photos,
+        output / "work" / "photos",
         undistort_options=options,
         jpeg_quality=JPEG_QUALITY,
-        num_threads=threads,
+        num_threads=request.threads or cores(),
     )
     flat_model = pycolmap.Reconstruction(flat / "sparse")
     draw_from_above(flat_model, output / "cameras.png")
@@ -76,40 +61,30 @@ def undistort(
 
 
 def draw_from_above(model: pycolmap.Reconstruction, target: Path) -> None:
-    """Draw where a model's cameras are, where they look, and its points."""
+    """Draw where a model's cameras are, where they look, and its points: all cameras and most
+    points are in the picture."""
     images = [model.image(i) for i in model.reg_image_ids()]
     poses = np.array([image.cam_from_world().matrix() for image in images])
-    axes = ground_axes(-poses[:, 1, :3].mean(axis=0), poses[:, 2, :3].mean(axis=0))
+    up = -poses[:, 1, :3].mean(axis=0)
+    axes = np.linalg.svd(up[None])[2][1:]  # at right angles to it
+    if np.linalg.det([*axes, up]) < 0:  # seen from below
+        axes = axes[::-1]
     centres = np.array([image.projection_center() for image in images]) @ axes.T
     forwards = poses[:, 2, :3] @ axes.T
-    chosen = list(model.points3D.values())[:: max(1, model.num_points3D() // MOST_POINTS)]
-    points = np.array([point.xyz for point in chosen]).reshape(-1, 3) @ axes.T
-    colors = np.array([point.color for point in chosen]).reshape(-1, 3) / 255
-    most = np.quantile(points, [0.05, 0.95], axis=0) if len(points) else centres[:0]
-    framed = np.concatenate([centres, most])  # all cameras and most points
-    low, high = framed.min(axis=0), framed.max(axis=0)
-    border = BORDER * (float((high - low).max()) or 1.0)
+    points = np.array([point.xyz for point in model.points3D.values()]).reshape(-1, 3) @ axes.T
+    colors = np.array([point.color for point in model.points3D.values()]).reshape(-1, 3) / 255
     figure = Figure(figsize=(8, 8), layout="constrained")
-    plot = figure.add_subplot()
-    plot.scatter(*points.T, c=colors, s=2, linewidths=0)
-    plot.quiver(*centres.T, *forwards.T, color="tab:red", angles="xy", scale=25, width=0.002)
-    plot.scatter(*centres.T, c="tab:red", s=14)
-    title = f"{len(images)} cameras and {model.num_points3D()} points from above"
-    (left, low_y), (right, high_y) = low - border, high + border
-    plot.set(xlim=(left, right), ylim=(low_y, high_y), aspect="equal", title=title)
+    plot = figure.add_subplot(aspect="equal")
+    plot.set_title(f"{len(images)} cameras and {len(points)} points from above")
     plot.set_xlabel("cameras red, each with the direction it looks in; the scale is arbitrary")
+    plot.quiver(*centres.T, *forwards.T, color="tab:red", angles="xy", scale=25, width=0.002)
+    plot.scatter(*centres.T, c="tab:red", s=14, zorder=2)
+    if len(points):
+        plot.update_datalim(np.quantile(points, [0.05, 0.95], axis=0))
+    plot.margins(0.15)
+    plot.autoscale_view()
+    plot.set_autoscale_on(False)
+    plot.scatter(*points.T, c=colors, s=2, linewidths=0)
     encoded = io.BytesIO()
     figure.savefig(encoded, dpi=110, format="png")
     write_whole(target, encoded.getvalue())
-
-
-def ground_axes(
-    up: Float[np.ndarray, "3"], ahead: Float[np.ndarray, "3"]
-) -> Float[np.ndarray, "2 3"]:
-    """Two directions at right angles to up, which need not have length 1: to the right of the way
-    ahead, and ahead on the ground."""
-    right = np.cross(ahead, up)
-    if np.linalg.norm(right) < 0.1:  # cameras look inwards from all around, or straight down
-        right = np.linalg.svd(up[None])[2][1]
-    axes = np.stack([right, np.cross(up, right)])
-    return axes / np.linalg.norm(axes, axis=1, keepdims=True)

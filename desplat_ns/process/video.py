@@ -6,7 +6,7 @@ nothing. Letters in shapes: H x W pixels.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -55,26 +55,23 @@ def take_frames(
         seen = list(look_at(video, progress))
         chosen = choose(seen, most)
         if len(chosen) < MIN_PHOTOS:
-            moved = seen[-1].distance if seen else 0.0
             raise CaptureError(
-                f"{video} has {len(seen)} frames, in which the picture moves by {moved:.0%} of "
-                f"its width: too little for {MIN_PHOTOS} photos from different places. Depth is "
-                "seen from different places only: walk around while filming."
+                f"{video} has {len(seen)} frames, in which the picture moves by "
+                f"{seen[-1].distance:.0%} of its width: too little for {MIN_PHOTOS} photos from "
+                "different places. Walk around while filming."
             )
         with draft_of(folder) as draft:
             draft.mkdir()
-            for index, _, pixels in frames_of(video, {frame.index for frame in chosen}):
-                encoded = cv2.imencode(".png", pixels)[1].tobytes()
-                (draft / f"frame_{index:06d}.png").write_bytes(encoded)
+            wanted = {frame.index for frame in chosen}
+            for index, _, pixels in frames_of(video):
+                if index in wanted:
+                    encoded = cv2.imencode(".png", pixels)[1].tobytes()
+                    (draft / f"frame_{index:06d}.png").write_bytes(encoded)
     return sorted(path.name for path in folder.iterdir())
 
 
 def look_at(video: Path, progress: Callable[[int, int], None]) -> Iterator[Frame]:
-    """Every frame, small.
-
-    Raises:
-        CaptureError: the video cannot be read.
-    """
+    """What is seen of every frame. Raises as `frames_of`."""
     anchor, distance = None, 0.0
     for index, total, pixels in frames_of(video):
         small = cv2.resize(pixels, LOOKED_AT, interpolation=cv2.INTER_AREA)
@@ -100,8 +97,6 @@ def motion(first: UInt8[np.ndarray, "H W"], second: UInt8[np.ndarray, "H W"]) ->
 
 def choose(frames: Sequence[Frame], most: int) -> list[Frame]:
     """At most so many: the whole distance in even parts, and of each the sharpest frame."""
-    if not frames:
-        return []
     whole = frames[-1].distance
     parts = min(most, int(whole / LEAST_GAP) + 1)
     best: dict[int, Frame] = {}
@@ -112,24 +107,20 @@ def choose(frames: Sequence[Frame], most: int) -> list[Frame]:
     return [best[part] for part in sorted(best)]
 
 
-def frames_of(
-    video: Path, wanted: Container[int] | None = None
-) -> Iterator[tuple[int, int, np.ndarray]]:
-    """The video's frames, or the wanted ones of them: number, how many the file says that there
-    are, and pixels [H, W, 3] in blue, green and red, upright.
+def frames_of(video: Path) -> Iterator[tuple[int, int, np.ndarray]]:
+    """The video's frames: number, how many the file says that there are, and pixels [H, W, 3] in
+    blue, green and red, upright.
 
     Raises:
         CaptureError: none can be read.
     """
     file = cv2.VideoCapture(str(video), cv2.CAP_FFMPEG)
     total, index = int(file.get(cv2.CAP_PROP_FRAME_COUNT)), 0
-    while file.grab():
-        if wanted is None or index in wanted:
-            is_whole, pixels = file.retrieve()
-            if not is_whole:
-                break
-            yield index, max(total, index + 1), pixels
+    is_there, pixels = file.read()
+    while is_there:
+        yield index, max(total, index + 1), pixels
         index += 1
+        is_there, pixels = file.read()
     if index == 0:
         raise CaptureError(
             f"The video {video} cannot be read. Copy it again from its source, or convert it to "

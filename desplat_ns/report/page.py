@@ -40,7 +40,7 @@ from desplat_ns.report.recorded import (
     read_survey,
 )
 from desplat_ns.report.views import disputed_places, seen_alone
-from desplat_ns.runs.files import RunFiles
+from desplat_ns.runs.files import SURVEY, RunFiles
 from desplat_ns.runs.loading import LoadedRun, even_subset, load_run
 from desplat_ns.scene.gather import gather as scene_contents
 from desplat_ns.scene.page import html_of as scene_page
@@ -108,11 +108,11 @@ def gather(run: LoadedRun, most_training: int, most_held_out: int) -> Contents:
     """All that the page of a run shows. Raises as `training_photos` and `held_out_photos`."""
     pipeline, files = run.pipeline, run.files
     model = pipeline.model
-    charts, seconds = read_history(files.events)
+    charts, seconds = read_history(sorted(files.folder.glob("events.out.tfevents.*")))
     numbers = numbers_of(run, seconds)
     photos = list(training_photos(pipeline, even_subset(numbers.num_photos, most_training)))
     results, held_out = held_out_photos(pipeline, most_held_out)
-    survey, in_the_way = read_survey(files.survey), model.photos_with_distractors()
+    survey, in_the_way = read_survey(files.folder / SURVEY), model.photos_with_distractors()
     reasons = effect_reasons(model.effects, survey, numbers.num_photos, in_the_way)
     distractors = None if model.layer is None else model.layer.config
     disputed = disputed_places(model.means, [p.unlike for p in photos if p.unlike is not None])

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from desplat_ns.errors import CaptureError, CheckpointError, ConfigError
 
-OURS = "!!python/object:desplat_ns."
+OURS = b"!!python/object:desplat_ns."
 """How the configuration of one of our runs begins."""
 
 SURVEY = "survey.json"
@@ -28,16 +28,6 @@ class RunFiles:
         """The run's folder."""
         return self.config.parent
 
-    @property
-    def events(self) -> list[Path]:
-        """TensorBoard's files, oldest first; empty if the run recorded nothing."""
-        return sorted(self.folder.glob("events.out.tfevents.*"))
-
-    @property
-    def survey(self) -> Path:
-        """Where the survey's findings are, if there was a survey."""
-        return self.folder / SURVEY
-
 
 def find_run(config: Path, data: Path | None = None) -> RunFiles:
     """The files of the run that a config.yml belongs to; checkpoints lie in a folder beside it,
@@ -53,24 +43,15 @@ def find_run(config: Path, data: Path | None = None) -> RunFiles:
     """
     if data is not None and not data.exists():
         raise CaptureError(f"There is no '{data}'. Name the folder of the run's capture by --data.")
-    why = "there is no such file"
-    try:
-        if config.is_file():
-            with config.open(encoding="utf8") as file:
-                is_ours = file.readline().startswith(OURS)
-            why = "" if is_ours else "no method of this package wrote it"
-    except (UnicodeDecodeError, OSError) as error:
-        why = f"it cannot be read ({error})"
-    if why:
+    if not (config.is_file() and config.read_bytes().startswith(OURS)):
         raise ConfigError(
-            f"'{config}' is not the config.yml of a run of desplat: {why}. Give the one that "
+            f"'{config}' is not the config.yml of a run of desplat. Give the one that "
             "`ns-train desplat` wrote: outputs/<experiment>/<method>/<timestamp>/config.yml."
         )
     saved = sorted(config.parent.glob("[!.]*/step-*.ckpt"))
     if not saved:
         raise CheckpointError(
             f"The run of {config} has no checkpoint: no folder beside it holds a "
-            "step-NNNNNNNNN.ckpt. Let the training end, or save earlier by --steps-per-save; a "
-            "run's folder that was copied needs its checkpoints beside config.yml."
+            "step-NNNNNNNNN.ckpt. Let the training end, or save earlier by --steps-per-save."
         )
     return RunFiles(config, saved[-1].parent.resolve(), data)

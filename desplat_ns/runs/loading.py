@@ -61,8 +61,6 @@ def load_run(
             f"'{files.config}' cannot be taken up ({str(error).partition(chr(10))[0]}): another "
             "version of this package, or of nerfstudio, wrote it. Use that version, or train anew."
         ) from error
-    if not isinstance(pipeline, DeSplatPipeline):
-        raise ConfigError(f"'{files.config}' is of a run with another pipeline than desplat's.")
     pipeline.eval()
     checkpoint, step = eval_utils.eval_load_checkpoint(config, pipeline)
     return LoadedRun(files, config, pipeline, checkpoint, step + 1)
@@ -70,6 +68,4 @@ def load_run(
 
 def even_subset(count: int, most: int) -> list[int]:
     """At most `most` of the numbers from 0 to `count` - 1, evenly spread, both ends among them."""
-    if count <= most:
-        return list(range(count))
-    return [int(i) for i in np.unique(np.linspace(0, count - 1, most).round())] if most > 0 else []
+    return [int(i) for i in np.linspace(0, count - 1, min(count, most)).round()]

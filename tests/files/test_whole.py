@@ -77,9 +77,9 @@ def test_a_folder_is_put_in_place_with_what_is_inside(tmp_path: Path):
 
 def test_a_disk_that_will_not_hold_it_is_said_first(tmp_path: Path, monkeypatch):
     monkeypatch.setattr("shutil.disk_usage", lambda _: type("Usage", (), {"free": 10**9}))
-    check_room(tmp_path, 10**9, "the runs need", "--here")
-    with pytest.raises(ConfigError, match="--here"):
-        check_room(tmp_path, 2 * 10**9, "the runs need", "--here")
+    check_room(tmp_path, 10**9, "the runs need")
+    with pytest.raises(ConfigError, match=str(tmp_path)):
+        check_room(tmp_path, 2 * 10**9, "the runs need")
 
 
 def test_a_draft_that_fails_leaves_what_was_there(tmp_path: Path):

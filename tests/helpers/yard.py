@@ -15,7 +15,7 @@ from jaxtyping import Float, UInt8
 
 from desplat_ns.data.images import write_image
 from desplat_ns.process.photos import Photo, group_by_camera, prepare_photos
-from desplat_ns.process.reconstruction import PLAIN, find_features
+from desplat_ns.process.reconstruction import PLAIN, enter_photos, find_features
 from lab.process import distances
 from lab.synthetic import SceneSpec, make_scene
 
@@ -143,8 +143,8 @@ def features_of(
     photos: Sequence[Photo], copies: Path, database: Path, masks: Path | None = None
 ) -> Features:
     """The photos' plain features, in a new database."""
-    cameras = group_by_camera(photos, "auto", "auto")
-    find_features(database, copies, cameras, masks, PLAIN, 1, silent)
+    enter_photos(database, copies, group_by_camera(photos, "auto"), "auto")
+    find_features(database, copies, masks, PLAIN, 1, silent)
     return Features(database, copies, photos)
 
 
