@@ -29,11 +29,6 @@ class RunFiles:
         return self.config.parent
 
     @property
-    def events(self) -> list[Path]:
-        """TensorBoard's files, oldest first; empty if the run recorded nothing."""
-        return sorted(self.folder.glob("events.out.tfevents.*"))
-
-    @property
     def survey(self) -> Path:
         """Where the survey's findings are, if there was a survey."""
         return self.folder / SURVEY

@@ -29,7 +29,6 @@ def test_checkpoints_are_found_beside_config_yml_and_what_is_being_saved_is_none
     run = find_run(config)
     assert run.checkpoints == (tmp_path / "moved" / "models").resolve()
     assert run.folder == tmp_path / "moved"
-    assert run.events == []
 
 
 def test_a_run_without_a_checkpoint_is_named(tmp_path: Path):
