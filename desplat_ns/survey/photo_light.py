@@ -23,6 +23,8 @@ from desplat_ns.survey.observations import Observations
 
 ITERATIONS = 20
 """Of photos' light and points' colours in turn; the figures do not change after a dozen."""
+DARKEST = 0.02
+"""Values that are nearer to 0 or 1 are clipped: what the camera saw there is not known."""
 DARK = 0.08
 """A value of this size counts a quarter: what the camera adds as noise is a larger part of it."""
 PRIOR = np.array([0.1, 0.1, 0.1, 2.5, 10.0])
@@ -58,10 +60,6 @@ class PhotoLight:
     weight: Float[np.ndarray, "M 3"]
     """Less for dark values, in [0, 1]."""
 
-    def counts(self) -> Int[np.ndarray, " V"]:
-        """Observations per photo."""
-        return np.bincount(self.photo, minlength=len(self.gains))
-
     def neutral(
         self, row: int, colors: Float[np.ndarray, "*N 3"], rho2: Float[np.ndarray, "*N"]
     ) -> Float[np.ndarray, "*N 3"]:
@@ -89,7 +87,8 @@ def fit_light(observations: Observations) -> PhotoLight:
 
     Reweighted least squares with Cauchy's weights, colours and lights in turn.
     """
-    use = observations.is_tracked & ~observations.is_clipped
+    clipped = (observations.colors < DARKEST) | (observations.colors > 1 - DARKEST)
+    use = observations.is_tracked & ~clipped.any(axis=-1)
     use &= use.sum(axis=0) >= 2
     photo, point = np.nonzero(use)
     colors = observations.colors[photo, point].astype(np.float64)

@@ -4,7 +4,6 @@ the evidence shows photos, the same without their light, what that leaves, and t
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 
 import cv2
 import numpy as np
@@ -14,7 +13,6 @@ from PIL import Image, ImageDraw, ImageOps
 
 from desplat_ns.console import announce
 from desplat_ns.errors import CaptureError
-from desplat_ns.runs.files import SURVEY
 from desplat_ns.settings.effects import Effects, EffectsConfig
 from desplat_ns.survey.appearance import (
     LOCAL_STEP,
@@ -154,15 +152,6 @@ def decided_effects(
         if name in given and given[name] != value:
             announce(f"{name}: {given[name]}, as given; the survey would have said {value}.")
     return decided, findings
-
-
-def write_findings(findings: Survey, folder: Path) -> None:
-    """Write `SURVEY` into a run's folder, which is made; where that cannot be, it is said."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        (folder / SURVEY).write_text(findings.to_json(), "utf8")
-    except OSError as error:
-        announce(f"The survey's findings could not be written ({error}).", warning=True)
 
 
 def evidence_picture(evidence: Evidence) -> Image.Image:

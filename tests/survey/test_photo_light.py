@@ -53,7 +53,6 @@ def chain(gains: np.ndarray) -> Observations:
         is_shown=tracked,
         is_tracked=tracked,
         colors=colors,
-        is_clipped=np.zeros_like(tracked),
         structures=np.zeros((count, number, 25)),
         has_tracks=True,
         num_photos=count,
