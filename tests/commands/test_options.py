@@ -45,7 +45,7 @@ ABSENT = ["--load-config", "absent.yml"]
         ("survey", ["--help"], 0, "colmap --help"),
         ("survey", ["absent", "colmap", "--downscale-factor", "2"], 1, "'absent'"),
         ("survey", [".", "--output", "README.md"], 1, "'README.md'"),
-        ("survey", [], 1, "desplat-survey FOLDER"),
+        ("survey", [], 2, "DATA"),
         ("tradeoff", ["--help"], 0, "--time"),
         ("reproduce", ["--help"], 0, "--smoke"),
         ("reproduce", ["A5", "--data", "/absent"], 1, "desplat-fetch-data"),
@@ -84,13 +84,7 @@ def test_options_that_cannot_be_are_named(tmp_path: Path):
 @pytest.mark.parametrize("data", [["--data", "a"], ["--data=a"], ["a"]])
 def test_the_capture_is_named_as_ns_train_takes_it_too(data: list[str]):
     parser = ["colmap", "--downscale-factor", "2"]
-    orders = [[*data, "--output", "o", *parser]]
-    if data != ["a"]:
-        orders += [
-            ["--output", "o", *parser[:1], *data, *parser[1:]],
-            ["--output", "o", *parser, *data],
-        ]
-    for words in orders:
+    for words in ([*data, "--output", "o", *parser], ["--output", "o", *data, *parser]):
         for command in (survey.Arguments, tradeoff.Arguments):
             arguments, rest = split_words(command, "desplat-survey", words)
             assert (arguments.data, arguments.output) == (Path("a"), Path("o"))
