@@ -29,8 +29,8 @@ from desplat_ns.settings.options import check_ranges
 Image = tuple[Cameras, dict[str, Any]]
 """A camera and its photo, as nerfstudio's datamanager gives them."""
 
-Show = Callable[[int, dict[str, Tensor]], None]
-"""Gets the number of an image and its pictures [H, W, 3] in [0, 1] by name."""
+Show = Callable[[int, Tensor], None]
+"""Gets the number of an image, and the photo beside the rendering: [H, 2 W, 3] in [0, 1]."""
 
 PACKAGES = ("nerfstudio", "gsplat", "torch", "numpy", "numba")
 """Packages that a figure may depend on."""
@@ -79,15 +79,13 @@ class Scorer:
         how = "in closed form" if self.model.effects.closed_form else how
         return f"{text}; each image's embedding: {how} on its left half"
 
-    def score(
-        self, camera: Cameras, batch: dict[str, Any]
-    ) -> tuple[dict[str, float], dict[str, Tensor]]:
+    def score(self, camera: Cameras, batch: dict[str, Any]) -> tuple[dict[str, float], Tensor]:
         """Figures and seconds of one image, figures in the average light as `*_before` if it has
-        its own, and the photo beside the rendering, [H, W, 3] in [0, 1] by name."""
+        its own; and what `Show` gets."""
         model, start = self.model, self._now()
         outputs = model.get_outputs_for_camera(camera)
         render_seconds = self._now() - start
-        figures, pictures = self._figures(outputs, batch)
+        figures = self._figures(outputs, batch)
         if self.fit is not None:
             before = {f"{key}_before": value for key, value in figures.items()}
             start = self._now()
@@ -100,11 +98,10 @@ class Scorer:
             start = self._now()
             with model.shown_in(embedding):
                 outputs = model.get_outputs_for_camera(camera)
-            figures, pictures = self._figures(outputs, batch)
-            figures |= before
+            figures = self._figures(outputs, batch) | before
         figures["seconds_per_image_render"] = render_seconds
         figures["seconds_per_image_with_metrics"] = self._now() - start
-        return figures, pictures
+        return figures, torch.cat([model.photo_of(outputs, batch), outputs["rgb"]], dim=1)
 
     def _now(self) -> float:
         """Seconds; what the GPU was given is done."""
@@ -112,17 +109,12 @@ class Scorer:
             torch.cuda.synchronize(self.model.device)
         return time.perf_counter()
 
-    def _figures(
-        self, outputs: dict[str, Tensor], batch: dict[str, Any]
-    ) -> tuple[dict[str, float], dict[str, Tensor]]:
-        """Of the region, and the whole photo beside the whole rendering."""
-        if self.region == "full image":
-            return self.model.get_image_metrics_and_images(outputs, batch)
-        right = {name: right_half(outputs[name]) for name in ("rgb", "background")}
-        half = {**batch, "image": right_half(batch["image"])}
-        figures, _ = self.model.get_image_metrics_and_images(right, half)
-        photo = self.model.photo_of(outputs, batch)
-        return figures, {"img": torch.cat([photo, outputs["rgb"]], dim=1)}
+    def _figures(self, outputs: dict[str, Tensor], batch: dict[str, Any]) -> dict[str, float]:
+        """Of the region."""
+        if self.region == "right half":
+            outputs = {name: right_half(outputs[name]) for name in ("rgb", "background")}
+            batch = {**batch, "image": right_half(batch["image"])}
+        return self.model.get_image_metrics_and_images(outputs, batch)[0]
 
 
 def evaluate_in_training(
@@ -163,18 +155,13 @@ def evaluate(
     if images:  # compilation and caches are no part of the time per image
         model.get_outputs_for_camera(images[0][0])
     scored = _score(scorer, images, names, show)
-    bad = [
-        image["name"]
-        for image in scored
-        if not all(math.isfinite(v) for v in image.values() if isinstance(v, float))
-    ]
-    if bad:
-        raise DeSplatError(
-            f"The renderings of {len(bad)} of {len(scored)} images hold values that are not "
-            f"finite, the first being '{bad[0]}'. Training has diverged; evaluate an earlier "
-            "checkpoint by setting `load_step` in the run's config.yml, or train with lower "
-            "learning rates."
-        )
+    for image in scored:
+        if not all(math.isfinite(v) for v in image.values() if isinstance(v, float)):
+            raise DeSplatError(
+                f"The rendering of '{image['name']}' holds values that are not finite: training "
+                "has diverged. Evaluate an earlier checkpoint by setting `load_step` in the run's "
+                "config.yml, or train with lower learning rates."
+            )
     results: dict[str, Any] = {**summarize(scored, True)}
     results |= gaussian_counts(model.gauss_params, model.distractors)
     if model.distractors is not None:
@@ -202,10 +189,10 @@ def _score(
     with progress_over(len(images), "Evaluating all images...") as advance:
         for index, (camera, batch) in enumerate(images):
             name = names[int(batch.get("image_idx", index))]
-            figures, pictures = scorer.score(camera, batch)
+            figures, beside = scorer.score(camera, batch)
             size = {"width": int(camera.width), "height": int(camera.height)}
             scored.append({"name": name} | size | figures)
-            show(index, pictures)
+            show(index, beside)
             advance()
     return scored
 

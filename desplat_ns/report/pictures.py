@@ -108,8 +108,8 @@ def held_out_photos(pipeline: DeSplatPipeline, most: int) -> tuple[dict[str, Any
         return {}, []
     worst: list[tuple[float, int, Rgb, Rgb]] = []
 
-    def keep(index: int, pictures: Mapping[str, Tensor]) -> None:
-        photo, rendering = np.split(to_rgb8(pictures["img"].cpu().numpy()), 2, axis=1)
+    def keep(index: int, beside: Tensor) -> None:
+        photo, rendering = np.split(to_rgb8(beside.cpu().numpy()), 2, axis=1)
         error = float(np.square(photo.astype(np.float32) - rendering).mean())
         worst.append((error, index, photo, rendering))
         worst.sort(key=lambda entry: -entry[0])
