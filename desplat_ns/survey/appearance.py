@@ -134,14 +134,14 @@ def _decided(
     median: Figure, top: Figure, local: Figure, explained: Figure
 ) -> tuple[Decision, Confidence, str]:
     """What the figures call for, how sure that is, and why."""
+    sure = confidence_of([median, local])
     as_a_whole = f"half of the photos are off by {median.value:.1%} or more as a whole"
     if local.is_above and median.is_above:
         reason = (
             f"Light changes from place to place: {local.value:.1%} of the places are lighter or "
             f"darker in one photo alone (above {LOCAL_SHARE:.1%} it counts)."
         )
-        return "affine", confidence_of([local, median]), reason
-    sure = confidence_of([median, local])
+        return "affine", sure, reason
     if median.is_above and explained.value > LEAST_EXPLAINED:
         reason = (
             f"Photos differ in exposure, white balance, contrast or dark corners: {as_a_whole} "

@@ -174,8 +174,6 @@ class Observations:
     structures: Float[np.ndarray, "V P S"]
     """Brightness of the samples minus their mean, in the photo's own light."""
     has_tracks: bool
-    num_photos: int
-    """Of the split; more than were looked at if there are many."""
     all_xyz: Float[np.ndarray, "_ 3"]
     """All points, for what lies behind."""
     num_in_view: Int[np.ndarray, " V"]
@@ -224,7 +222,6 @@ def observe(capture: DataparserOutputs) -> Observations:
         colors=colors,
         structures=structures,
         has_tracks=tracks is not None,
-        num_photos=len(photos),
         all_xyz=all_xyz,
         num_in_view=np.sum(in_view, axis=1),
     )

@@ -73,15 +73,15 @@ def survey(capture: DataparserOutputs) -> tuple[Survey, Evidence]:
     findings = Survey(
         appearance=appearance,
         background=background,
-        num_photos=observations.num_photos,
+        num_photos=len(capture.image_filenames),
         num_surveyed=len(observations.views),
         num_points=len(observations.xyz),
-        notes=_notes(observations),
+        notes=_notes(observations, len(capture.image_filenames)),
     )
     return findings, Evidence(observations, light, steps, skies)
 
 
-def _notes(observations: Observations) -> tuple[str, ...]:
+def _notes(observations: Observations, num_photos: int) -> tuple[str, ...]:
     notes = []
     if len(observations.all_xyz) == 0:
         notes.append("The capture has no points: nothing could be compared, safe sides are taken.")
@@ -105,7 +105,7 @@ def _notes(observations: Observations) -> tuple[str, ...]:
         )
     if any(not mask.any() for mask in observations.allowed):
         notes.append("A mask leaves nothing of its photo: white is what may be used.")
-    if len(observations.views) < observations.num_photos:
+    if len(observations.views) < num_photos:
         notes.append(f"{len(observations.views)} photos, evenly spread, stand for all.")
     return tuple(notes)
 
@@ -147,10 +147,10 @@ def decided_effects(
     decided = effects.decided(Effects(**findings.decisions()))  # pyright: ignore[reportArgumentType]
     for line in findings.summary():
         announce(line)
-    given = {name: value for name, value in vars(effects).items() if value is not None}
     for name, value in findings.decisions().items():
-        if name in given and given[name] != value:
-            announce(f"{name}: {given[name]}, as given; the survey would have said {value}.")
+        given = getattr(effects, name)
+        if given not in (None, value):
+            announce(f"{name}: {given}, as given; the survey would have said {value}.")
     return decided, findings
 
 

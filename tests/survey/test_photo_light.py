@@ -55,7 +55,6 @@ def chain(gains: np.ndarray) -> Observations:
         colors=colors,
         structures=np.zeros((count, number, 25)),
         has_tracks=True,
-        num_photos=count,
         all_xyz=np.zeros((0, 3)),
         num_in_view=np.zeros(count, int),
     )
