@@ -9,7 +9,6 @@ from pathlib import Path
 import pytest
 
 from desplat_ns.commands import split_words, survey, tradeoff
-from desplat_ns.commands.evaluate import Evaluate
 from desplat_ns.commands.report import Report
 from desplat_ns.commands.reproduce import Arguments
 from desplat_ns.errors import CaptureError, ConfigError
@@ -64,7 +63,6 @@ def test_help_and_mistakes_import_nothing_heavy(
 def test_options_that_cannot_be_are_named(tmp_path: Path):
     photos = tmp_path / "photos"
     for option, command in (
-        ("--output-path", Evaluate(Path("absent.yml"), output_path=Path("figures.txt"))),
         ("--training-photos", Report(Path("config.yml"), training_photos=-1)),
         ("--seeds", Arguments("A5", tmp_path, seeds=0)),
         ("desplat-paper", Arguments("A5", tmp_path, methods=("desplt",))),

@@ -58,7 +58,7 @@ def test_the_right_half_cannot_reach_the_embedding(model, width):
 def test_what_is_fitted_is_what_is_scored(model):
     view = model.view_of_camera(held_out(), None)
     with torch.no_grad():
-        image = as_function_of_embedding(model, view)(model.image_effects.of(1))
+        image = as_function_of_embedding(model, view, WIDTH)(model.image_effects.of(1))
     torch.testing.assert_close(image, photo_in_the_light_of(model, 1), atol=1e-6, rtol=0)
 
 
