@@ -12,13 +12,13 @@ from typing import Any, Literal, cast
 import torch
 from nerfstudio.pipelines.base_pipeline import VanillaPipeline, VanillaPipelineConfig
 from torch import Tensor
+from torchvision.utils import save_image
 
 from desplat_ns.data.training_views import image_names
 from desplat_ns.datamanager import DeSplatDataManager
 from desplat_ns.errors import CheckpointError
 from desplat_ns.evaluation.config import EvaluationConfig
 from desplat_ns.evaluation.evaluate import Show, evaluate, evaluate_in_training
-from desplat_ns.evaluation.pictures import save_pictures
 from desplat_ns.model import DeSplatModel
 from desplat_ns.model_config import DeSplatModelConfig
 from desplat_ns.nerfstudio_quirks import (
@@ -116,8 +116,11 @@ class DeSplatPipeline(VanillaPipeline):
         manager = self.datamanager
         split = manager.eval_dataset if image_prefix == "eval" else manager.train_dataset
 
-        def save(index: int, pictures: dict[str, Tensor]) -> None:
-            save_pictures(pictures, output_path, f"{image_prefix}_{{}}_{index:04d}.png")
+        def save(index: int, beside: Tensor) -> None:
+            if output_path is not None:
+                output_path.mkdir(parents=True, exist_ok=True)
+                path = output_path / f"{image_prefix}_img_{index:04d}.png"
+                save_image(beside.permute(2, 0, 1).cpu(), path)
 
         results = self._evaluated(data_loader, split.image_filenames, save, in_full=get_std)
         if step is not None and image_prefix == "eval" and "psnr" in results:

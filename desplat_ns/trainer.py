@@ -35,7 +35,7 @@ from desplat_ns.gaussians.strategy import UNLIMITED
 from desplat_ns.nerfstudio_quirks import train_on_where_logs_cannot_be_written
 from desplat_ns.pipeline import DeSplatPipeline
 from desplat_ns.run_config import RunConfig, SavedRun
-from desplat_ns.survey.survey import write_findings
+from desplat_ns.runs.files import SURVEY
 from desplat_ns.training import resume
 from desplat_ns.training.checkpoint import (
     checkpoint_path,
@@ -124,8 +124,8 @@ class DeSplatTrainer(Trainer):
             super().setup(test_mode)
             with plain_errors(self.base_dir, "--output-dir"):
                 config.write_config()
-            if findings is not None:
-                write_findings(findings, self.base_dir)
+                if findings is not None:
+                    (self.base_dir / SURVEY).write_text(findings.to_json(), "utf8")
             self._folder_lock = stack.pop_all()  # held until the training is over
 
     @property

@@ -128,16 +128,22 @@ def test_a_photo_that_vanishes_is_named_and_what_is_trained_is_saved(
     assert_same(last_checkpoint(whole), last_checkpoint(resumed))
 
 
+def pixels_of(pipeline) -> list[Any]:
+    """Of two photos, as a report shows them."""
+    shown = training_photos(pipeline, [0, 4])
+    return [photo.pictures["photo"].pixels.tolist() for photo in shown]
+
+
 def test_a_report_undistorts_the_photos_that_it_shows_only(data, tiny_run, tmp_path, monkeypatch):
     distort(data)
     config = run_of(tiny_run, tmp_path, data, None, "run")
     trainer = set_up(dataclasses.replace(config, max_num_iterations=2))
     trainer.train()
-    expected = [shown.photo for shown in training_photos(trainer.pipeline.eval(), [0, 4])]
+    expected = pixels_of(trainer.pipeline.eval())
     pipeline = load_run(find_run(config.get_base_dir() / "config.yml")).pipeline
     dataset, read = pipeline.datamanager.train_dataset, []
     get_data = dataset.get_data
     monkeypatch.setattr(dataset, "get_data", lambda i, kind: read.append(i) or get_data(i, kind))
-    photos = [shown.photo for shown in training_photos(pipeline, [0, 4])]
+    photos = pixels_of(pipeline)
     assert set(read) == {0, 4}
-    assert_same([photo.tolist() for photo in photos], [photo.tolist() for photo in expected])
+    assert_same(photos, expected)

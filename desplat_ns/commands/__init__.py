@@ -52,20 +52,13 @@ def run_on_capture(command: Any, name: str) -> None:
 
 
 def split_words(command: Any, name: str, words: Sequence[str]) -> tuple[Any, tuple[str, ...]]:
-    """A command's options, and the data parser's words that follow them. The capture, the first
-    word, may also stand anywhere as `--data CAPTURE` or `--data=CAPTURE`, as ns-train takes it.
+    """A command's options, and the data parser's words that follow them. `--data CAPTURE`, as
+    ns-train takes it, is the capture as well.
 
     Raises:
         ConfigError: an option is not known, and no data parser is named before it.
     """
-    words = list(words)
-    for at, word in enumerate(words):
-        option, is_joined, value = word.partition("=")
-        if option == "--data":
-            end = at + 1 if is_joined else at + 2
-            data = [value] if is_joined else words[at + 1 : end]
-            words = [*data, *words[:at], *words[end:]]
-            break
+    words = [word.removeprefix("--data=") for word in words if word != "--data"]
     parsed, rest = tyro.cli(command, prog=name, args=words, return_unknown_args=True)
     if rest and rest[0].startswith("-"):
         raise ConfigError(

@@ -11,7 +11,6 @@ from typing import Any
 
 from desplat_ns.commands import OfRun, run
 from desplat_ns.console import announce
-from desplat_ns.errors import ConfigError
 from desplat_ns.evaluation.config import EvaluationConfig, LpipsNet, ProtocolName, in_words
 from desplat_ns.files.whole import (
     check_new_file,
@@ -48,8 +47,6 @@ class Evaluate(OfRun):
     def main(self) -> None:
         """Evaluate, write, say what came out. Raises ConfigError where a path cannot be or is
         taken, or an option is of no use here."""
-        if self.output_path.suffix != ".json":
-            raise ConfigError(f"--output-path is '{self.output_path}'; give it the ending .json.")
         files, pictures = self.find(), self.render_output_path
         check_new_file(self.output_path, self.overwrite, "--output-path")
         if pictures is not None:

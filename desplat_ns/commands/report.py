@@ -17,8 +17,8 @@ class Report(OfRun):
     """Write a trained run on one HTML page that needs no other file.
 
     The scene itself, to walk around in; each training photo beside the static scene, its
-    distractors and their mask; held-out photos with error maps and scores; curves, effects and why
-    they were chosen, warnings.
+    distractors and their mask; held-out photos with error maps and scores; effects and why they
+    were chosen, warnings.
     """
 
     output: Path | None = None

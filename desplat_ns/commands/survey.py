@@ -6,16 +6,13 @@ import io
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import tyro
 
 from desplat_ns.commands import run_on_capture
-from desplat_ns.errors import CaptureError, ConfigError
+from desplat_ns.errors import CaptureError
 from desplat_ns.files.whole import check_new_file
-
-if TYPE_CHECKING:  # seconds: not before the options are checked
-    from desplat_ns.survey.findings import Survey
 
 
 @dataclass
@@ -28,7 +25,7 @@ class Arguments:
     of colmap.
     """
 
-    data: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="DATA")] = None
+    data: Annotated[Path, tyro.conf.Positional]
     """Folder of the capture; `--data DATA`, as in ns-train, says the same."""
     output: Path = Path("survey")
     """Folder for survey.json (the findings with every figure and its threshold) and survey.png (a
@@ -36,11 +33,9 @@ class Arguments:
     overwrite: bool = False
     """Replace these two files if they are there."""
 
-    def main(self, parser: tuple[str, ...] = ()) -> Survey:
+    def main(self, parser: tuple[str, ...] = ()) -> None:
         """Check what can be checked at once, then survey by a data parser of this name and options,
         or the recognised one, print and write. Raises DeSplatError where that cannot be."""
-        if self.data is None:
-            raise ConfigError("No capture is named. Type: desplat-survey FOLDER.")
         if not self.data.exists():
             raise CaptureError(f"There is no '{self.data}'. Name the folder of a capture.")
         findings_file, sheet_file = self.output / "survey.json", self.output / "survey.png"
@@ -67,7 +62,6 @@ class Arguments:
             write_whole(findings_file, findings.to_json().encode())
             write_whole(sheet_file, sheet.getvalue())
         announce(f"Saved {findings_file} and {sheet_file}.")
-        return findings
 
 
 main = partial(run_on_capture, Arguments, "desplat-survey")

@@ -6,6 +6,7 @@ import math
 import platform
 import statistics
 import time
+from collections import defaultdict
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
@@ -18,19 +19,21 @@ from torch import Tensor, nn
 
 import desplat_ns
 from desplat_ns.console import progress_over
+from desplat_ns.data.gt_masks import read_gt_mask
 from desplat_ns.errors import CaptureError, ConfigError, DeSplatError
 from desplat_ns.evaluation.config import EvaluationConfig
 from desplat_ns.evaluation.halves import embedding_from_left_half, right_half
-from desplat_ns.evaluation.mask_scores import score_masks
 from desplat_ns.gaussians.distractors import DistractorGaussians
 from desplat_ns.model import DeSplatModel
+from desplat_ns.rendering.metrics import mask_iou, mean_alpha_outside
+from desplat_ns.rendering.views import is_distorted
 from desplat_ns.settings.options import check_ranges
 
 Image = tuple[Cameras, dict[str, Any]]
 """A camera and its photo, as nerfstudio's datamanager gives them."""
 
-Show = Callable[[int, dict[str, Tensor]], None]
-"""Gets the number of an image and its pictures [H, W, 3] in [0, 1] by name."""
+Show = Callable[[int, Tensor], None]
+"""Gets the number of an image, and the photo beside the rendering: [H, 2 W, 3] in [0, 1]."""
 
 PACKAGES = ("nerfstudio", "gsplat", "torch", "numpy", "numba")
 """Packages that a figure may depend on."""
@@ -79,15 +82,13 @@ class Scorer:
         how = "in closed form" if self.model.effects.closed_form else how
         return f"{text}; each image's embedding: {how} on its left half"
 
-    def score(
-        self, camera: Cameras, batch: dict[str, Any]
-    ) -> tuple[dict[str, float], dict[str, Tensor]]:
+    def score(self, camera: Cameras, batch: dict[str, Any]) -> tuple[dict[str, float], Tensor]:
         """Figures and seconds of one image, figures in the average light as `*_before` if it has
-        its own, and the photo beside the rendering, [H, W, 3] in [0, 1] by name."""
+        its own; and what `Show` gets."""
         model, start = self.model, self._now()
         outputs = model.get_outputs_for_camera(camera)
         render_seconds = self._now() - start
-        figures, pictures = self._figures(outputs, batch)
+        figures = self._figures(outputs, batch)
         if self.fit is not None:
             before = {f"{key}_before": value for key, value in figures.items()}
             start = self._now()
@@ -100,11 +101,10 @@ class Scorer:
             start = self._now()
             with model.shown_in(embedding):
                 outputs = model.get_outputs_for_camera(camera)
-            figures, pictures = self._figures(outputs, batch)
-            figures |= before
+            figures = self._figures(outputs, batch) | before
         figures["seconds_per_image_render"] = render_seconds
         figures["seconds_per_image_with_metrics"] = self._now() - start
-        return figures, pictures
+        return figures, torch.cat([model.photo_of(outputs, batch), outputs["rgb"]], dim=1)
 
     def _now(self) -> float:
         """Seconds; what the GPU was given is done."""
@@ -112,17 +112,12 @@ class Scorer:
             torch.cuda.synchronize(self.model.device)
         return time.perf_counter()
 
-    def _figures(
-        self, outputs: dict[str, Tensor], batch: dict[str, Any]
-    ) -> tuple[dict[str, float], dict[str, Tensor]]:
-        """Of the region, and the whole photo beside the whole rendering."""
-        if self.region == "full image":
-            return self.model.get_image_metrics_and_images(outputs, batch)
-        right = {name: right_half(outputs[name]) for name in ("rgb", "background")}
-        half = {**batch, "image": right_half(batch["image"])}
-        figures, _ = self.model.get_image_metrics_and_images(right, half)
-        photo = self.model.photo_of(outputs, batch)
-        return figures, {"img": torch.cat([photo, outputs["rgb"]], dim=1)}
+    def _figures(self, outputs: dict[str, Tensor], batch: dict[str, Any]) -> dict[str, float]:
+        """Of the region."""
+        if self.region == "right half":
+            outputs = {name: right_half(outputs[name]) for name in ("rgb", "background")}
+            batch = {**batch, "image": right_half(batch["image"])}
+        return self.model.get_image_metrics_and_images(outputs, batch)[0]
 
 
 def evaluate_in_training(
@@ -163,18 +158,13 @@ def evaluate(
     if images:  # compilation and caches are no part of the time per image
         model.get_outputs_for_camera(images[0][0])
     scored = _score(scorer, images, names, show)
-    bad = [
-        image["name"]
-        for image in scored
-        if not all(math.isfinite(v) for v in image.values() if isinstance(v, float))
-    ]
-    if bad:
-        raise DeSplatError(
-            f"The renderings of {len(bad)} of {len(scored)} images hold values that are not "
-            f"finite, the first being '{bad[0]}'. Training has diverged; evaluate an earlier "
-            "checkpoint by setting `load_step` in the run's config.yml, or train with lower "
-            "learning rates."
-        )
+    for image in scored:
+        if not all(math.isfinite(v) for v in image.values() if isinstance(v, float)):
+            raise DeSplatError(
+                f"The rendering of '{image['name']}' holds values that are not finite: training "
+                "has diverged. Evaluate an earlier checkpoint by setting `load_step` in the run's "
+                "config.yml, or train with lower learning rates."
+            )
     results: dict[str, Any] = {**summarize(scored, True)}
     results |= gaussian_counts(model.gauss_params, model.distractors)
     if model.distractors is not None:
@@ -202,10 +192,10 @@ def _score(
     with progress_over(len(images), "Evaluating all images...") as advance:
         for index, (camera, batch) in enumerate(images):
             name = names[int(batch.get("image_idx", index))]
-            figures, pictures = scorer.score(camera, batch)
+            figures, beside = scorer.score(camera, batch)
             size = {"width": int(camera.width), "height": int(camera.height)}
             scored.append({"name": name} | size | figures)
-            show(index, pictures)
+            show(index, beside)
             advance()
     return scored
 
@@ -245,3 +235,36 @@ def gaussian_counts(
         "static_memory_mb": mb(static.values()),
         "distractor_memory_mb": mb(p for view in views for p in view.params.values()),
     }
+
+
+def score_masks(
+    draw: Callable[[Cameras], dict[str, Tensor]], masks: Sequence[tuple[Cameras, Path]]
+) -> dict[str, int | float]:
+    """`mask_iou`, `alpha_outside_masks` and `num_masks` over the training views that have masks.
+
+    Means over views; `alpha_outside_masks` leaves out views that are covered wholly. Photos with
+    lens distortion are left out: training undistorts them, but not their masks. Empty if there is
+    no mask.
+
+    Args:
+        draw: gives `alpha_distractor` and `distractor_mask` [H, W, 1] of a camera; no gradients.
+        masks: the camera of each view that has a mask, and the mask's file.
+
+    Raises CaptureError where a mask cannot be read.
+    """
+    masks = [(camera, path) for camera, path in masks if not is_distorted(camera)]
+    if not masks:
+        return {}
+    scores: dict[str, list[float]] = defaultdict(list)
+    with progress_over(len(masks), "Scoring distractor masks...") as advance:
+        for camera, path in masks:
+            outputs = draw(camera)
+            alpha = outputs["alpha_distractor"]
+            truth = read_gt_mask(path, alpha.shape[1], alpha.shape[0]).to(alpha.device)
+            scores["mask_iou"].append(mask_iou(outputs["distractor_mask"], truth))
+            outside = mean_alpha_outside(alpha, truth)
+            if outside is not None:
+                scores["alpha_outside_masks"].append(outside)
+            advance()
+    means = {name: statistics.fmean(values) for name, values in scores.items()}
+    return means | {"num_masks": len(masks)}

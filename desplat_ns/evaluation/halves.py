@@ -81,20 +81,19 @@ def embedding_from_left_half(
 
 
 def as_function_of_embedding(
-    model: DeSplatModel, view: View, columns: int | None = None
+    model: DeSplatModel, view: View, columns: int
 ) -> Callable[[Float[Tensor, " E"]], Float[Tensor, "H W 3"]]:
     """The static scene seen from `view`, given an image embedding; all else is held constant.
 
-    Where `columns` is given, only that number of the first columns is right: Gaussians that they do
-    not show are left out. Where such a Gaussian ended the blending of a pixel unseen, what lies
-    behind then shows, by TRANSMITTANCE_MIN / (1 - ALPHA_MAX) at most.
+    Only so many of the first columns are right: Gaussians that they do not show are left out. Where
+    such a Gaussian ended the blending of a pixel unseen, what lies behind then shows, by
+    TRANSMITTANCE_MIN / (1 - ALPHA_MAX) at most.
     """
     params = {name: value.detach() for name, value in model.params_in(view).items()}
     settings = model.render_settings(depth=False)
-    if columns is not None:
-        splats = activate_static(params, model.active_sh_degree)
-        weights = accumulated_weights(model.rasterizer, splats, view, settings, columns)
-        params = {name: value[weights > 0] for name, value in params.items()}
+    splats = activate_static(params, model.active_sh_degree)
+    weights = accumulated_weights(model.rasterizer, splats, view, settings, columns)
+    params = {name: value[weights > 0] for name, value in params.items()}
     lit = model.in_light(params, view)
     drawn = None
 

@@ -1,15 +1,11 @@
-"""Pictures as people see them: 8-bit colours, layers over a checkerboard, files."""
+"""Pictures as people see them: 8-bit colours, layers over a checkerboard."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from pathlib import Path
 from typing import TypeAlias
 
 import numpy as np
 from jaxtyping import Bool, Float, UInt8
-from torch import Tensor
-from torchvision.utils import save_image
 
 Picture: TypeAlias = (
     UInt8[np.ndarray, "_ _ 3"]
@@ -40,17 +36,3 @@ def over_checkerboard(
     rows, columns = np.indices(alpha.shape[:2]) // size
     squares = np.where((rows + columns) % 2 == 0, 0.92, 0.8)[..., None]
     return (rgb + (1 - alpha) * squares).astype(rgb.dtype)
-
-
-def save_pictures(pictures: Mapping[str, Tensor], folder: Path | None, pattern: str) -> None:
-    """Write pictures [H, W, 3] in [0, 1] as PNG.
-
-    Args:
-        pictures: by name, which takes the place of {} in `pattern`, the file's name.
-        folder: made if it is not there; None to write nothing.
-    """
-    if folder is None:
-        return
-    folder.mkdir(parents=True, exist_ok=True)
-    for key, picture in pictures.items():
-        save_image(picture.permute(2, 0, 1).cpu(), folder / pattern.format(key))

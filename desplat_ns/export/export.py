@@ -24,7 +24,7 @@ from desplat_ns.export.splat_cloud import SplatCloud, baked, moved, shown_anywhe
 from desplat_ns.export.spz import placed, spz_bytes
 from desplat_ns.files.whole import plain_errors, whole_folder, write_whole
 from desplat_ns.model import DeSplatModel
-from desplat_ns.photo_tourism.shown_light import parse_light
+from desplat_ns.photo_tourism.shown_light import mixed_light
 from desplat_ns.pipeline import DeSplatPipeline
 from desplat_ns.rendering.allowed_views import allowed_views, seen_by_any
 from desplat_ns.rendering.views import view_of
@@ -162,8 +162,7 @@ def shown_in(model: DeSplatModel, light: str | None) -> Any:
             f"--light is '{light}', but the Gaussians of this run have the same colours in the "
             "light of every photo. Leave it out."
         )
-    mix = parse_light(light, model.names, "--light")
-    return model.shown_in(torch.stack([share * effects.of(i) for i, share in mix]).sum(dim=0))
+    return model.shown_in(mixed_light(light, model.names, effects, "--light"))
 
 
 def within(

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 
 import torch
 from jaxtyping import Float
-from nerfstudio.viewer.viewer_elements import ViewerDropdown, ViewerSlider
+from nerfstudio.viewer.viewer_elements import ViewerDropdown
 from torch import Tensor, nn
 
 from desplat_ns.console import list_names
@@ -25,10 +25,10 @@ OWN = "none chosen"
 """What the viewer's choice shows at the start: `VARIABLE`'s image, its own, or the average."""
 
 
-def parse_light(
-    text: str, names: Sequence[str], given_by: str = VARIABLE
-) -> list[tuple[int, float]]:
-    """(training image, share) pairs of a text such as `VARIABLE` holds; the shares sum to 1.
+def mixed_light(
+    text: str, names: Sequence[str], lights: ImageEffects, given_by: str = VARIABLE
+) -> Float[Tensor, " E"]:
+    """The embedding of a text such as `VARIABLE` holds: of a training image, or a mix of some.
 
     Args:
         given_by: what an error calls the place of the text.
@@ -56,7 +56,7 @@ def parse_light(
             f"{given_by} is '{text}': the shares of its photos have to be numbers, not negative or "
             f"infinite, nor all zero. Write for example {names[0]}:0.5."
         )
-    return [(index, share / total) for index, share in parts]
+    return torch.stack([share / total * lights.of(index) for index, share in parts]).sum(dim=0)
 
 
 class ShownLight(nn.Module):
@@ -67,15 +67,9 @@ class ShownLight(nn.Module):
         super().__init__()
         self.names = list(names)
         if names:
-            choices = [OWN, *names]
-            self.first: ViewerDropdown[str] = ViewerDropdown(
-                "Appearance", OWN, choices, hint="Training image whose light the scene is shown in"
-            )
-            self.second: ViewerDropdown[str] = ViewerDropdown(
-                "Mixed with", OWN, choices, hint="A second training image to mix in"
-            )
-            self.share: ViewerSlider[float] = ViewerSlider(
-                "Share of the second", 0.0, 0.0, 1.0, 0.05, hint="0: the first alone; 1: the second"
+            hint = "Training image whose light the scene is shown in"
+            self.choice: ViewerDropdown[str] = ViewerDropdown(
+                "Appearance", OWN, [OWN, *names], hint=hint
             )
         self._fixed: Tensor | None = None
         self._suspended = False
@@ -103,11 +97,8 @@ class ShownLight(nn.Module):
         if self._fixed is not None:
             return self._fixed
         if self.names and not self._suspended:
-            share = self.share.value if self.second.value != OWN else 0.0
-            chosen = [(self.first.value, 1 - share), (self.second.value, share)]
-            mix = [(self.names.index(name), s) for name, s in chosen if name != OWN and s > 0]
-            text = os.environ.get(VARIABLE, "")
-            mix = mix or (parse_light(text, self.names) if text else [])
-            if mix:
-                return torch.stack([share * lights.of(i) for i, share in mix]).sum(dim=0)
+            if self.choice.value != OWN:
+                return lights.of(self.names.index(self.choice.value))
+            if text := os.environ.get(VARIABLE):
+                return mixed_light(text, self.names, lights)
         return lights.mean() if image is None else lights.of(image)

@@ -7,9 +7,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from desplat_ns.console import list_names
+from desplat_ns.files.pages import Picture
 from desplat_ns.gaussians.distractor_config import DistractorConfig
-from desplat_ns.report.pictures import Rgb, TrainingPhoto, marked
-from desplat_ns.report.recorded import Numbers
+from desplat_ns.report.pictures import Photo, marked
 from desplat_ns.report.views import Disputed
 
 HARDLY = 0.001
@@ -35,12 +35,13 @@ class Notice:
 
     what: str
     advice: str = ""
-    picture: Rgb | None = None
+    picture: Picture | None = None
 
 
 def notices(
-    numbers: Numbers,
-    photos: Sequence[TrainingPhoto],
+    steps: int,
+    planned: int | None,
+    photos: Sequence[Photo],
     distractors: DistractorConfig | None,
     disputed: Disputed | None,
     alone: Mapping[str, float],
@@ -48,6 +49,7 @@ def notices(
     """Everything that stands out, what matters most first.
 
     Args:
+        steps, planned: done, and of the whole run; None if the clock set its end.
         photos: that were rendered.
         distractors: their settings; None in a run without them.
         disputed: places that most photos do not show.
@@ -56,11 +58,11 @@ def notices(
     return [
         *([] if distractors is None else _of_distractors(photos, distractors)),
         *([] if disputed is None else [_of_places(disputed, photos)]),
-        *_of_run(numbers, alone),
+        *_of_run(steps, planned, alone),
     ]
 
 
-def _of_distractors(photos: Sequence[TrainingPhoto], config: DistractorConfig) -> Iterator[Notice]:
+def _of_distractors(photos: Sequence[Photo], config: DistractorConfig) -> Iterator[Notice]:
     shares = {photo.name: photo.covered or 0.0 for photo in photos}
     names = sorted((k for k, share in shares.items() if share > MUCH), key=lambda k: -shares[k])
     excess = f"{DISTRACTORS}.strong-excess (now {config.strong_excess:g})"
@@ -83,9 +85,9 @@ def _of_distractors(photos: Sequence[TrainingPhoto], config: DistractorConfig) -
         )
 
 
-def _of_places(disputed: Disputed, photos: Sequence[TrainingPhoto]) -> Notice:
+def _of_places(disputed: Disputed, photos: Sequence[Photo]) -> Notice:
     names = disputed.names
-    pictures = [marked(p.photo, disputed.where) for p in photos if p.name == names[0]]
+    pictures = [marked(p, disputed.where) for p in photos if p.name == names[0]]
     return Notice(
         f"Of {disputed.share:.0%} of the scene nobody can tell what it is: most photos that see it "
         f"show something else there, above all {list_names(names, MAX_NAMES)}.",
@@ -96,10 +98,10 @@ def _of_places(disputed: Disputed, photos: Sequence[TrainingPhoto]) -> Notice:
     )
 
 
-def _of_run(numbers: Numbers, alone: Mapping[str, float]) -> Iterator[Notice]:
-    if numbers.steps < numbers.planned and not numbers.has_budget:
+def _of_run(steps: int, planned: int | None, alone: Mapping[str, float]) -> Iterator[Notice]:
+    if planned is not None and steps < planned:
         yield Notice(
-            f"The run has {numbers.steps:,} of {numbers.planned:,} steps: it was stopped, or this "
+            f"The run has {steps:,} of {planned:,} steps: it was stopped, or this "
             "is one of its earlier checkpoints.",
             "Go on with --load-dir and the folder of its checkpoints.",
         )

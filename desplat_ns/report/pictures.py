@@ -6,17 +6,18 @@ Letters in shapes: H x W pixels.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float, UInt8
+import torch
+from jaxtyping import Bool, UInt8
 from torch import Tensor
 
 from desplat_ns.console import progress_over
 from desplat_ns.evaluation.pictures import over_checkerboard, to_rgb8
-from desplat_ns.files.pages import LARGEST_SIDE, shrunk
+from desplat_ns.files.pages import LARGEST_SIDE, Picture, shrunk
 from desplat_ns.pipeline import DeSplatPipeline
 from desplat_ns.rendering.views import view_of
 from desplat_ns.report.views import Unlike, unlike_in
@@ -27,34 +28,27 @@ ERROR_TOP = 0.25
 """Mean difference of the colours, which are in [0, 1], that gets the brightest colour."""
 
 
+BESIDE = 0.6
+"""Pictures that are shown at half the width get this share of the pixels' side."""
+
+
 @dataclass(frozen=True)
-class TrainingPhoto:
-    """A training photo, taken apart; pictures are no larger than a page needs them."""
+class Photo:
+    """A photo, and what is shown of it."""
 
     name: str
-    photo: Rgb
-    static: Rgb
-    """The static scene in the photo's light."""
-    distractors: Rgb | None = None
-    """On a chequered ground; this and the next three are None if the effect is off."""
-    mask: Rgb | None = None
+    pictures: dict[str, Picture]
+    """By the template's names: `photo`; `rendering`, the static scene in the photo's light; of a
+    training photo `distractors`, on a chequered ground, and their `mask`, if there is the effect;
+    of a held-out one `error`."""
     covered: float | None = None
     """Share of the photo inside the mask, in [0, 1]."""
     unlike: Unlike | None = None
+    figures: Mapping[str, Any] = field(default_factory=dict)
+    """Of the evaluation."""
 
 
-@dataclass(frozen=True)
-class HeldOutPhoto:
-    """A photo that was not trained on, and what the static scene shows in its place."""
-
-    name: str
-    photo: Rgb
-    rendering: Rgb
-    error: Rgb
-    figures: dict[str, float]
-
-
-def training_photos(pipeline: DeSplatPipeline, chosen: Sequence[int]) -> Iterator[TrainingPhoto]:
+def training_photos(pipeline: DeSplatPipeline, chosen: Sequence[int]) -> Iterator[Photo]:
     """Training photos taken apart. Raises CaptureError of a photo that cannot be read any more."""
     model, manager = pipeline.model, pipeline.datamanager
     with (
@@ -66,43 +60,45 @@ def training_photos(pipeline: DeSplatPipeline, chosen: Sequence[int]) -> Iterato
             camera = camera.to(pipeline.device)
             outputs = model.get_outputs_for_camera(camera)
             photo = model.photo_of(outputs, {"image": batch["image"].to(pipeline.device)})
-            name = manager.train_image_names[index]
+            name, covered, unlike = manager.train_image_names[index], None, None
             static = outputs.get("rgb_static", outputs["rgb"])
-            layer: tuple[Any, ...] = ()
+            pictures = {"photo": picture_of(photo), "rendering": picture_of(static)}
             if "alpha_distractor" in outputs:
                 alpha_d, seen = outputs["alpha_distractor"], photo
                 if "mask" in batch:
                     seen, _ = apply_mask(photo, static, batch["mask"].to(photo.device))
                 config = model.config.distractors
                 unlike = unlike_in(name, view_of(camera), alpha_d, seen, static, config)
-                drawn = (outputs["rgb_distractor"].cpu().numpy(), alpha_d.cpu().numpy())
-                drawn = to_rgb8(over_checkerboard(*drawn, max(8, max(photo.shape) // 48)))
                 mask = outputs["distractor_mask"].float()
-                layer = shrunk(drawn, LARGEST_SIDE), small_rgb(mask), float(mask.mean()), unlike
-            yield TrainingPhoto(name, small_rgb(photo), small_rgb(static), *layer)
+                covered = float(mask.mean())
+                drawn = (outputs["rgb_distractor"].cpu().numpy(), alpha_d.cpu().numpy())
+                drawn = over_checkerboard(*drawn, max(8, max(photo.shape) // 48))
+                pictures["distractors"] = picture_of(drawn, BESIDE)
+                pictures["mask"] = picture_of(mask, BESIDE)
+            yield Photo(name, pictures, covered, unlike)
             advance()
 
 
-def small_rgb(image: Float[Tensor, "H W _"]) -> Rgb:
-    """An image in [0, 1] of one or three channels, as large as a page may need it."""
-    return shrunk(to_rgb8(image.detach().cpu().numpy()), LARGEST_SIDE)
+def picture_of(image: Tensor | np.ndarray, share: float = 1.0) -> Picture:
+    """An image [H, W, 1 or 3], in [0, 1] or of 8 bits, as large as a page may need it."""
+    pixels = to_rgb8(torch.as_tensor(image).detach().cpu().numpy())
+    return Picture(shrunk(pixels, LARGEST_SIDE), share)
 
 
-def marked(photo: Rgb, where: Bool[np.ndarray, "rows columns"]) -> Rgb:
+def marked(photo: Photo, where: Bool[np.ndarray, "rows columns"]) -> Picture:
     """A photo that is dark but where cells of it are set, and in gaps of one cell."""
+    pixels = photo.pictures["photo"].pixels
     closed = cv2.morphologyEx(where.astype(np.float32), cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
-    light = cv2.resize(closed, photo.shape[1::-1], interpolation=cv2.INTER_AREA)
-    return (photo * (0.25 + 0.75 * light[..., None])).astype(np.uint8)
+    light = cv2.resize(closed, pixels.shape[1::-1], interpolation=cv2.INTER_AREA)
+    return Picture((pixels * (0.25 + 0.75 * light[..., None])).astype(np.uint8), BESIDE)
 
 
-def held_out_photos(
-    pipeline: DeSplatPipeline, most: int
-) -> tuple[dict[str, Any], list[HeldOutPhoto]]:
-    """The evaluation that `ns-eval` makes, of all held-out photos, and pictures of the worst, which
+def held_out_photos(pipeline: DeSplatPipeline, most: int) -> tuple[dict[str, Any], list[Photo]]:
+    """The evaluation that `ns-eval` makes, of all held-out photos, and the worst of them, which
     come first: means hide what a look at them shows.
 
     Args:
-        most: pictures; with 0 nothing is evaluated.
+        most: photos; with 0 nothing is evaluated.
 
     Raises:
         CaptureError: a photo that cannot be read any more.
@@ -110,23 +106,21 @@ def held_out_photos(
     """
     if most == 0:
         return {}, []
-    worst: list[tuple[float, int, Rgb]] = []
+    worst: list[tuple[float, int, Rgb, Rgb]] = []
 
-    def keep(index: int, pictures: Mapping[str, Tensor]) -> None:
-        beside = to_rgb8(pictures["img"].cpu().numpy())
-        photo, rendering = np.split(beside.astype(np.float32), 2, axis=1)
-        worst.append((-float(np.square(photo - rendering).mean()), index, beside))
-        worst.sort(key=lambda entry: entry[:2])
+    def keep(index: int, beside: Tensor) -> None:
+        photo, rendering = np.split(to_rgb8(beside.cpu().numpy()), 2, axis=1)
+        error = float(np.square(photo.astype(np.float32) - rendering).mean())
+        worst.append((error, index, photo, rendering))
+        worst.sort(key=lambda entry: -entry[0])
         del worst[most:]  # full pictures of hundreds of photos would be gigabytes
 
     results, shown = pipeline.evaluate_held_out(keep), []
-    for _, index, beside in worst:
+    for _, index, photo, rendering in worst:
         figures = results["images"][index]
-        photo, rendering = np.split(beside, 2, axis=1)
-        pictures = (photo, rendering, error_map(photo, rendering))
-        small = [shrunk(picture, LARGEST_SIDE) for picture in pictures]
-        numbers = {key: value for key, value in figures.items() if isinstance(value, float)}
-        shown.append(HeldOutPhoto(figures["name"], small[0], small[1], small[2], numbers))
+        pixels = {"photo": photo, "rendering": rendering, "error": error_map(photo, rendering)}
+        pictures = {name: picture_of(each, BESIDE) for name, each in pixels.items()}
+        shown.append(Photo(figures["name"], pictures, figures=figures))
     return results, sorted(shown, key=lambda photo: photo.figures["psnr"])
 
 
@@ -136,4 +130,4 @@ def error_map(
     """Mean absolute difference of the colours, from black over red to pale yellow."""
     difference = np.abs(photo.astype(np.float32) - rendering).mean(axis=2) / ERROR_TOP
     colors = cv2.applyColorMap(difference.clip(0, 255).astype(np.uint8), cv2.COLORMAP_INFERNO)
-    return colors[..., ::-1]
+    return cv2.cvtColor(colors, cv2.COLOR_BGR2RGB)

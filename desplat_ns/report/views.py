@@ -56,15 +56,23 @@ def _shown(
     model = pipeline.model
     camera = pipeline.datamanager.train_dataset.cameras[index : index + 1].to(pipeline.device)
     outputs = model.get_outputs_for_camera(camera)
-    u, v, depth = image_points(points, model.view_of_camera(camera, index))
-    inside = in_image(u, v, depth)
-    rows, columns = outputs["depth"].shape[:2]
-    row = (v.nan_to_num().clamp(0, 1) * rows).long().clamp(max=rows - 1)
-    column = (u.nan_to_num().clamp(0, 1) * columns).long().clamp(max=columns - 1)
-    shown = inside & (depth <= (1 + SAME_DEPTH) * outputs["depth"][row, column, 0])
+    view, size = model.view_of_camera(camera, index), outputs["depth"].shape[:2]
+    inside, pixel, depth = _places(points, view, *size)
+    shown = inside & (depth <= (1 + SAME_DEPTH) * outputs["depth"].flatten()[pixel])
     if "distractor_mask" in outputs:
-        shown &= ~outputs["distractor_mask"][row, column, 0]
+        shown &= ~outputs["distractor_mask"].flatten()[pixel]
     return shown
+
+
+def _places(
+    points: Float[Tensor, "P 3"], view: View, rows: int, columns: int
+) -> tuple[Bool[Tensor, " P"], Int[Tensor, " P"], Float[Tensor, " P"]]:
+    """Which points are in the image, the number of the cell of each (0 outside), and depths."""
+    u, v, depth = image_points(points, view)
+    inside = in_image(u, v, depth)
+    row = (torch.where(inside, v, 0.0) * rows).long()
+    column = (torch.where(inside, u, 0.0) * columns).long()
+    return inside, row * columns + column, depth
 
 
 def alone(names: Sequence[str], shown: Bool[Tensor, "V P"]) -> dict[str, float]:
@@ -135,11 +143,7 @@ def _seen_and_unlike(
 ) -> tuple[Bool[Tensor, " N"], Bool[Tensor, " N"], Int[Tensor, " N"]]:
     """Which places are in the image, which of these it does not show, and their cells. Static
     Gaussians do not hide one another here: an object in the way hides all behind it."""
-    rows, columns = photo.cells.shape
-    u, v, depth = image_points(means, photo.view)
-    visible = in_image(u, v, depth)
-    cell = (v * rows).floor() * columns + (u * columns).floor()
-    cell = torch.where(visible, cell, 0.0).long()
+    visible, cell, _ = _places(means, photo.view, *photo.cells.shape)
     return visible, visible & photo.cells.flatten()[cell], cell
 
 

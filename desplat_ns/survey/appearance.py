@@ -6,6 +6,8 @@ Letters in shapes: V photos, P points, M pairs of patches, S samples of a patch.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
@@ -46,17 +48,14 @@ FLAT = 0.012
 255 levels."""
 
 
-def change_of_photos(light: PhotoLight) -> Float[np.ndarray, " V"]:
-    """How much each photo's light changes what it shows: RMS of the values' relative change.
-
-    NaN where fewer than `FEWEST` observations count.
-    """
-    changes = np.full(len(light.gains), np.nan)
-    for row in np.flatnonzero(light.counts() >= FEWEST):
-        part = light.photo == row
-        squares = np.expm1(light.change[part]) ** 2
-        changes[row] = np.sqrt(np.average(squares, weights=light.weight[part]))
-    return changes
+def change_of_photos(light: PhotoLight) -> Float[np.ndarray, " K"]:
+    """How much the light of each photo with `FEWEST` observations changes what it shows: RMS of the
+    values' relative change."""
+    counts = np.bincount(light.photo)
+    squares = (light.weight * np.expm1(light.change) ** 2).sum(axis=1)
+    sums = (np.bincount(light.photo, each) for each in (squares, light.weight.sum(axis=1)))
+    total, weight = (each[counts >= FEWEST] for each in sums)
+    return np.sqrt(total / weight)
 
 
 def local_steps(
@@ -93,10 +92,8 @@ def share_by_direction(observations: Observations, steps: Float[np.ndarray, "V P
     Least squares of the neighbours' mean steps on a photo's own, in [0, 1]; 0 where no place has
     neighbours.
     """
-    toward, distance = directions(observations)
     product = square = 0.0
-    for row in range(len(steps)):
-        others = neighbours(row, np.isfinite(steps), toward, distance)
+    for row, others in enumerate(neighbours(observations, np.isfinite(steps))):
         theirs = np.where(others >= 0, np.take_along_axis(steps, np.maximum(others, 0), axis=0), 0)
         count = (others >= 0).sum(axis=0)
         large = (np.abs(steps[row]) > LOCAL_STEP) & (count > 0)
@@ -110,8 +107,7 @@ def appearance_finding(
     observations: Observations, light: PhotoLight, steps: Float[np.ndarray, "V P"]
 ) -> Finding:
     """Decide how photos' light is to be explained; `steps` are those of `local_steps`."""
-    changes = change_of_photos(light)
-    known = changes[np.isfinite(changes)]
+    known = change_of_photos(light)
     middle, top = np.quantile(known, [0.5, 0.9]).tolist() if len(known) else (np.nan, np.nan)
     what = "change of values by a photo's own light, median photo"
     median = Figure("change", middle, what, EIGHTH_STOP)
@@ -138,14 +134,14 @@ def _decided(
     median: Figure, top: Figure, local: Figure, explained: Figure
 ) -> tuple[Decision, Confidence, str]:
     """What the figures call for, how sure that is, and why."""
+    sure = confidence_of([median, local])
     as_a_whole = f"half of the photos are off by {median.value:.1%} or more as a whole"
     if local.is_above and median.is_above:
         reason = (
             f"Light changes from place to place: {local.value:.1%} of the places are lighter or "
             f"darker in one photo alone (above {LOCAL_SHARE:.1%} it counts)."
         )
-        return "affine", confidence_of([local, median]), reason
-    sure = confidence_of([median, local])
+        return "affine", sure, reason
     if median.is_above and explained.value > LEAST_EXPLAINED:
         reason = (
             f"Photos differ in exposure, white balance, contrast or dark corners: {as_a_whole} "
@@ -171,39 +167,30 @@ def _decided(
 # --- neighbours at a point ------------------------------------------------------------------------
 
 
-def directions(
-    observations: Observations,
-) -> tuple[Float[np.ndarray, "V P 3"], Float[np.ndarray, "V P"]]:
-    """Unit vectors from the cameras to the points, and distances."""
-    positions = np.array([view.position for view in observations.views])
-    toward = observations.xyz[None] - positions[:, None]
-    distance = np.maximum(np.linalg.norm(toward, axis=-1), 1e-12)
-    return (toward / distance[..., None]).astype(np.float32), distance.astype(np.float32)
-
-
 def neighbours(
-    row: int,
-    has_point: Bool[np.ndarray, "V P"],
-    toward: Float[np.ndarray, "V P 3"],
-    distance: Float[np.ndarray, "V P"],
-) -> Int[np.ndarray, "_ P"]:
-    """At most `NEIGHBOURS` photos that found each point, from the directions nearest to `row`'s.
-
-    -1 where there are not so many.
+    observations: Observations, has_point: Bool[np.ndarray, "V P"]
+) -> Iterator[Int[np.ndarray, "_ P"]]:
+    """For each photo at most `NEIGHBOURS` that found each point, from the directions nearest to
+    its own; -1 where there are not so many.
 
     Args:
         has_point: which photos found which points.
-        toward, distance: see `directions`.
     """
-    cosine = np.einsum("vpk,pk->vp", toward, toward[row])
-    ratio = distance / distance[row]
-    fits = has_point & (cosine > np.cos(np.radians(NEAR_ANGLE)))
-    fits &= (ratio < NEAR_DISTANCE) & (ratio > 1 / NEAR_DISTANCE)
-    fits[row] = False
-    rank = np.where(fits, -cosine, 2.0)
-    count = min(NEIGHBOURS, len(rank))
-    nearest = np.argpartition(rank, count - 1, axis=0)[:count]
-    return np.where(np.take_along_axis(fits, nearest, axis=0), nearest, -1)
+    positions = np.array([view.position for view in observations.views])
+    toward = observations.xyz[None] - positions[:, None]
+    distance = np.maximum(np.linalg.norm(toward, axis=-1), 1e-12)
+    toward = (toward / distance[..., None]).astype(np.float32)
+    distance = distance.astype(np.float32)
+    for row in range(len(toward)):
+        cosine = np.einsum("vpk,pk->vp", toward, toward[row])
+        ratio = distance / distance[row]
+        fits = has_point & (cosine > np.cos(np.radians(NEAR_ANGLE)))
+        fits &= (ratio < NEAR_DISTANCE) & (ratio > 1 / NEAR_DISTANCE)
+        fits[row] = False
+        rank = np.where(fits, -cosine, 2.0)
+        count = min(NEIGHBOURS, len(rank))
+        nearest = np.argpartition(rank, count - 1, axis=0)[:count]
+        yield np.where(np.take_along_axis(fits, nearest, axis=0), nearest, -1)
 
 
 def are_alike(
@@ -226,10 +213,8 @@ def confirmed(observations: Observations, light: PhotoLight) -> Bool[np.ndarray,
     for row, view in enumerate(observations.views):
         rho2 = np.nan_to_num(from_middle(view.size, observations.places[row]))
         neutral[row] = light.neutral(row, observations.colors[row], rho2)
-    toward, distance = directions(observations)
     same = np.zeros_like(observations.is_shown)
-    for row in range(len(same)):
-        others = neighbours(row, observations.is_tracked, toward, distance)
+    for row, others in enumerate(neighbours(observations, observations.is_tracked)):
         expected = observations.is_shown[row] & ((others >= 0).sum(axis=0) >= FEWEST_NEIGHBOURS)
         for other in others:
             which = np.flatnonzero(expected & (other >= 0))
@@ -245,12 +230,12 @@ def matched_points(observations: Observations) -> Bool[np.ndarray, "V P"]:
     At least `FEWEST_NEIGHBOURS` of the nearest photos that have it in view must agree: one may have
     something before it, or look at its back.
     """
-    toward, distance = directions(observations)
-    patches, matched = observations.structures, np.zeros_like(observations.is_shown)
-    for row in range(len(matched)):
+    shown, patches = observations.is_shown, observations.structures
+    matched = np.zeros_like(shown)
+    for row, others in enumerate(neighbours(observations, shown)):
         votes = np.zeros(matched.shape[1], int)
-        for other in neighbours(row, observations.is_shown, toward, distance):
-            which = np.flatnonzero(observations.is_shown[row] & (other >= 0))
+        for other in others:
+            which = np.flatnonzero(shown[row] & (other >= 0))
             theirs = patches[other[which], which]
             votes[which] += are_alike(patches[row, which], theirs, MATCHED_STRUCTURE)
         matched[row] = votes >= FEWEST_NEIGHBOURS

@@ -242,7 +242,7 @@ def _decided(
             f"(above {by_photo.threshold:.3f} it counts)."
         )
         return "image", confidence_of([share, by_photo]), reason
-    if not by_photo.is_known:
+    if np.isnan(by_photo.value):
         return "sh", "close", f"{sky}; photos do not look in the same directions."
     sure = confidence_of([share, by_photo, by_direction])
     if by_direction.is_above:

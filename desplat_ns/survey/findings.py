@@ -29,14 +29,9 @@ class Figure:
     """Above it the figure speaks for the effect; None for what is told beside."""
 
     @property
-    def is_known(self) -> bool:
-        """Whether it could be measured."""
-        return math.isfinite(self.value)
-
-    @property
     def is_above(self) -> bool:
         """Whether it was measured and speaks for the effect."""
-        return self.is_known and self.threshold is not None and self.value > self.threshold
+        return self.threshold is not None and self.value > self.threshold
 
 
 @dataclass(frozen=True)
@@ -98,10 +93,11 @@ class Survey:
 
 def confidence_of(figures: Sequence[Figure]) -> Confidence:
     """How far the figures that decided are from their thresholds; the nearest one counts."""
-    known = [figure for figure in figures if figure.is_known]
+    if all(math.isnan(figure.value) for figure in figures):
+        return "none"
     is_close = any(
-        figure.threshold / CLEAR < figure.value < figure.threshold * CLEAR
-        for figure in known
-        if figure.threshold is not None
+        figure.threshold is not None
+        and figure.threshold / CLEAR < figure.value < figure.threshold * CLEAR
+        for figure in figures
     )
-    return ("close" if is_close else "clear") if known else "none"
+    return "close" if is_close else "clear"

@@ -41,8 +41,6 @@ PATCH_RADIUS = (GRID - 1) / 2
 """Pixels from the middle to the side of a patch in the photo that is the middle one in scale."""
 SCALES = (0.4, 3.0)
 """A patch is not looked at where it is so many times smaller or larger: it shows other detail."""
-DARKEST = 0.02
-"""Values that are nearer to 0 or 1 are clipped: what the camera saw there is not known."""
 HIDING_CELL = 1 / 50
 """Of the longest side: points in one cell of this size are compared in depth."""
 HIDING_GAP = 0.93
@@ -173,13 +171,9 @@ class Observations:
     """The reconstruction found the point in this photo; without tracks, it is in view there."""
     colors: Float[np.ndarray, "V P 3"]
     """Mean of the patch in [0, 1]; 0 where it is not shown."""
-    is_clipped: Bool[np.ndarray, "V P"]
-    """A channel of the mean is too dark or too bright to be believed."""
     structures: Float[np.ndarray, "V P S"]
     """Brightness of the samples minus their mean, in the photo's own light."""
     has_tracks: bool
-    num_photos: int
-    """Of the split; more than were looked at if there are many."""
     all_xyz: Float[np.ndarray, "_ 3"]
     """All points, for what lies behind."""
     num_in_view: Int[np.ndarray, " V"]
@@ -216,7 +210,7 @@ def observe(capture: DataparserOutputs) -> Observations:
         _sample(view, photo, allowed, xyz, grids, behind[chosen])
         for view, (photo, allowed), behind in zip(views, small, hidden, strict=True)
     ]
-    places, shown, colors, clipped, structures = map(np.stack, zip(*sampled, strict=True))
+    places, shown, colors, structures = map(np.stack, zip(*sampled, strict=True))
     return Observations(
         views=views,
         photos=[photo for photo, _ in small],
@@ -226,10 +220,8 @@ def observe(capture: DataparserOutputs) -> Observations:
         is_shown=shown,
         is_tracked=tracked & shown,
         colors=colors,
-        is_clipped=clipped,
         structures=structures,
         has_tracks=tracks is not None,
-        num_photos=len(photos),
         all_xyz=all_xyz,
         num_in_view=np.sum(in_view, axis=1),
     )
@@ -304,7 +296,7 @@ def _sample(
     grids: Float[np.ndarray, "P S 3"],
     hidden: Bool[np.ndarray, " P"],
 ) -> tuple[np.ndarray, ...]:
-    """What one photo shows: a row of `places`, `is_shown`, `colors`, `is_clipped`, `structures`."""
+    """What one photo shows: a row of `places`, `is_shown`, `colors`, `structures`."""
     places, _ = view.project(xyz)
     corners, corner_depths = view.project(grids)
     inside = view.shows(corners, corner_depths, 0.5).all(axis=-1)
@@ -319,6 +311,5 @@ def _sample(
         values, border = photo.astype(np.float32), cv2.BORDER_REPLICATE
         patches[shown] = cv2.remap(values, x, y, cv2.INTER_LINEAR, borderMode=border) / 255
     colors, grey = patches.mean(axis=1), patches.mean(axis=2)
-    clipped = ((colors < DARKEST) | (colors > 1 - DARKEST)).any(axis=1) & shown
     structures = grey - grey.mean(axis=1, keepdims=True)
-    return places.astype(np.float32), shown, colors, clipped, structures
+    return places.astype(np.float32), shown, colors, structures

@@ -14,7 +14,6 @@ Letters in shapes: V photos, P points, M observations that count.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -23,6 +22,8 @@ from desplat_ns.survey.observations import Observations
 
 ITERATIONS = 20
 """Of photos' light and points' colours in turn; the figures do not change after a dozen."""
+DARKEST = 0.02
+"""Values that are nearer to 0 or 1 are clipped: what the camera saw there is not known."""
 DARK = 0.08
 """A value of this size counts a quarter: what the camera adds as noise is a larger part of it."""
 PRIOR = np.array([0.1, 0.1, 0.1, 2.5, 10.0])
@@ -58,10 +59,6 @@ class PhotoLight:
     weight: Float[np.ndarray, "M 3"]
     """Less for dark values, in [0, 1]."""
 
-    def counts(self) -> Int[np.ndarray, " V"]:
-        """Observations per photo."""
-        return np.bincount(self.photo, minlength=len(self.gains))
-
     def neutral(
         self, row: int, colors: Float[np.ndarray, "*N 3"], rho2: Float[np.ndarray, "*N"]
     ) -> Float[np.ndarray, "*N 3"]:
@@ -89,7 +86,8 @@ def fit_light(observations: Observations) -> PhotoLight:
 
     Reweighted least squares with Cauchy's weights, colours and lights in turn.
     """
-    use = observations.is_tracked & ~observations.is_clipped
+    clipped = (observations.colors < DARKEST) | (observations.colors > 1 - DARKEST)
+    use = observations.is_tracked & ~clipped.any(axis=-1)
     use &= use.sum(axis=0) >= 2
     photo, point = np.nonzero(use)
     colors = observations.colors[photo, point].astype(np.float64)
@@ -97,64 +95,62 @@ def fit_light(observations: Observations) -> PhotoLight:
     weight = (colors / (colors + DARK)) ** 2
     sizes = np.array([view.size for view in observations.views])
     rho2 = from_middle(sizes[photo], observations.places[photo, point])
-    fit = partial(_alternate, photo, point, logs, weight, rho2, use.shape)
-    gains, gammas, vignetting, lens, true, residual = fit(fits_photos=True)
-    change, before = logs - residual - true[point], fit(fits_photos=False)[-1]
-    return PhotoLight(
-        gains, gammas, vignetting, lens, photo, point, change, residual, before, weight
-    )
-
-
-def robust_spread(values: Float[np.ndarray, "*N"]) -> float:
-    """Standard deviation about 0 of what is normal among the values, from their median size."""
-    return 1.4826 * float(np.median(np.abs(values))) if values.size else float("nan")
-
-
-def _alternate(
-    photo: np.ndarray,
-    point: np.ndarray,
-    logs: np.ndarray,
-    weight: np.ndarray,
-    rho2: np.ndarray,
-    count: tuple[int, int],
-    fits_photos: bool,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, float, np.ndarray, np.ndarray]:
-    """Gains, gammas, vignetting, lens, true colours and residuals."""
-    gains, gammas, vignetting = np.zeros((count[0], 3)), np.ones(count[0]), np.zeros(count[0])
-    lens, rho4 = 0.0, np.repeat(rho2[:, None] ** 2, 3, axis=1)
-    ends = np.searchsorted(photo, np.arange(count[0] + 1))
-    trust = np.ones((len(photo), 1))
+    rho4 = np.repeat(rho2[:, None] ** 2, 3, axis=1)
+    count, num_points = use.shape
+    gains, gammas, vignetting, lens = np.zeros((count, 3)), np.ones(count), np.zeros(count), 0.0
+    ends, trust = np.searchsorted(photo, np.arange(count + 1)), np.ones((len(photo), 1))
 
     def explain() -> tuple[np.ndarray, np.ndarray]:
         """Colours that fit the lights best, and what both leave."""
         offset = gains[photo] + (vignetting[photo] * rho2)[:, None] + lens * rho4
         scale = gammas[photo, None]
-        true = _means(point, (logs - offset) / scale, weight * trust * scale**2, count[1])
+        true = _means(point, (logs - offset) / scale, weight * trust * scale**2, num_points)
         return true, logs - offset - scale * true[point]
 
     for _ in range(ITERATIONS if len(photo) else 0):
         true, residual = explain()
-        spread = robust_spread(residual) + 1e-4
-        trust = (1 / (1 + (residual / (2 * spread)) ** 2)).min(axis=1, keepdims=True)
-        if not fits_photos:
-            continue
+        trust = _trust(residual)
         middle = float(np.average(true[point], weights=weight))
-        for row in range(count[0]):
+        for row in range(count):
             part = slice(ends[row], ends[row + 1])
-            colors, sure = true[point[part]], weight[part] * trust[part]
+            shown, sure = true[point[part]], weight[part] * trust[part]
             seen = logs[part] - lens * rho4[part]
-            solution = _solve(colors, middle, rho2[part], seen, sure)
+            solution = _solve(shown, middle, rho2[part], seen, sure)
             gains[row], gammas[row], vignetting[row] = solution[:3], solution[3], solution[4]
         gammas /= gammas.mean()
         _, residual = explain()
-        gains += _joint_gains(photo, point, residual, weight * trust, count)
+        gains += _joint_gains(photo, point, residual, weight * trust, use.shape)
         gains -= gains.mean(axis=0)
         # At once with the points' colours, as the gains: differences from a point's mean count.
         sure, (_, residual) = weight * trust, explain()
-        corner = rho4 - _means(point, rho4, sure, count[1])[point]
+        corner = rho4 - _means(point, rho4, sure, num_points)[point]
         change = (sure * corner * residual).sum() - 3 * LENS_PRIOR * lens
         lens += float(change / ((sure * corner**2).sum() + 3 * LENS_PRIOR))
-    return gains, gammas, vignetting, lens, *explain()
+    true, residual = explain()
+    change, before = logs - residual - true[point], _left_by_one_light(point, logs, weight)
+    return PhotoLight(
+        gains, gammas, vignetting, lens, photo, point, change, residual, before, weight
+    )
+
+
+def _left_by_one_light(point: np.ndarray, logs: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    """Residuals [M, 3] if all photos have one light."""
+    residual, trust, size = logs, np.ones((len(logs), 1)), int(point.max(initial=-1)) + 1
+    for _ in range(ITERATIONS + 1):
+        residual = logs - _means(point, logs, weight * trust, size)[point]
+        trust = _trust(residual)
+    return residual
+
+
+def _trust(residual: np.ndarray) -> np.ndarray:
+    """Cauchy's weights [M, 1], of the channel that fits worst."""
+    spread = robust_spread(residual) + 1e-4
+    return (1 / (1 + (residual / (2 * spread)) ** 2)).min(axis=1, keepdims=True)
+
+
+def robust_spread(values: Float[np.ndarray, "*N"]) -> float:
+    """Standard deviation about 0 of what is normal among the values, from their median size."""
+    return 1.4826 * float(np.median(np.abs(values))) if values.size else float("nan")
 
 
 def _joint_gains(

@@ -4,7 +4,6 @@ the evidence shows photos, the same without their light, what that leaves, and t
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 
 import cv2
 import numpy as np
@@ -14,7 +13,6 @@ from PIL import Image, ImageDraw, ImageOps
 
 from desplat_ns.console import announce
 from desplat_ns.errors import CaptureError
-from desplat_ns.runs.files import SURVEY
 from desplat_ns.settings.effects import Effects, EffectsConfig
 from desplat_ns.survey.appearance import (
     LOCAL_STEP,
@@ -75,15 +73,15 @@ def survey(capture: DataparserOutputs) -> tuple[Survey, Evidence]:
     findings = Survey(
         appearance=appearance,
         background=background,
-        num_photos=observations.num_photos,
+        num_photos=len(capture.image_filenames),
         num_surveyed=len(observations.views),
         num_points=len(observations.xyz),
-        notes=_notes(observations),
+        notes=_notes(observations, len(capture.image_filenames)),
     )
     return findings, Evidence(observations, light, steps, skies)
 
 
-def _notes(observations: Observations) -> tuple[str, ...]:
+def _notes(observations: Observations, num_photos: int) -> tuple[str, ...]:
     notes = []
     if len(observations.all_xyz) == 0:
         notes.append("The capture has no points: nothing could be compared, safe sides are taken.")
@@ -107,7 +105,7 @@ def _notes(observations: Observations) -> tuple[str, ...]:
         )
     if any(not mask.any() for mask in observations.allowed):
         notes.append("A mask leaves nothing of its photo: white is what may be used.")
-    if len(observations.views) < observations.num_photos:
+    if len(observations.views) < num_photos:
         notes.append(f"{len(observations.views)} photos, evenly spread, stand for all.")
     return tuple(notes)
 
@@ -149,20 +147,11 @@ def decided_effects(
     decided = effects.decided(Effects(**findings.decisions()))  # pyright: ignore[reportArgumentType]
     for line in findings.summary():
         announce(line)
-    given = {name: value for name, value in vars(effects).items() if value is not None}
     for name, value in findings.decisions().items():
-        if name in given and given[name] != value:
-            announce(f"{name}: {given[name]}, as given; the survey would have said {value}.")
+        given = getattr(effects, name)
+        if given not in (None, value):
+            announce(f"{name}: {given}, as given; the survey would have said {value}.")
     return decided, findings
-
-
-def write_findings(findings: Survey, folder: Path) -> None:
-    """Write `SURVEY` into a run's folder, which is made; where that cannot be, it is said."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        (folder / SURVEY).write_text(findings.to_json(), "utf8")
-    except OSError as error:
-        announce(f"The survey's findings could not be written ({error}).", warning=True)
 
 
 def evidence_picture(evidence: Evidence) -> Image.Image:

@@ -251,7 +251,7 @@ def main() -> None:
         pipeline = load_run(find_run(config)).pipeline
         frames = frames_of(pipeline)
         scores = scores_of(frames, truths)
-        held_out = pipeline.evaluate_held_out(lambda index, pictures: None)
+        held_out = pipeline.evaluate_held_out(lambda index, beside: None)
         scores |= {key: held_out[key] for key in ("psnr", "ssim")}
         results[str(config)] = scores
         draw(frames, truths, chosen.output / str(number))

@@ -54,9 +54,7 @@ def test_the_scene_itself_is_on_top_unless_it_is_not_wanted(
 
 
 @pytest.mark.slow
-def test_the_page_has_the_scores_of_ns_eval_and_what_the_run_logged(
-    page: str, trained: Path, tmp_path: Path
-):
+def test_the_page_has_the_scores_of_ns_eval(page: str, trained: Path, tmp_path: Path):
     from desplat_ns.commands.evaluate import Evaluate
 
     Evaluate(trained, output_path=tmp_path / "m.json").main()
@@ -65,8 +63,6 @@ def test_the_page_has_the_scores_of_ns_eval_and_what_the_run_logged(
     for image in results["images"]:
         assert f"PSNR {image['psnr']:.2f} dB, SSIM {image['ssim']:.3f}" in page
     assert f"<dd>{results['num_static_gaussians']:,}</dd>" in page
-    assert page.count('<div class="chart"') == 3
-    assert "held-out photos, by the static scene" in page
     assert "no record of a survey" in page
 
 
@@ -74,7 +70,7 @@ def test_the_page_has_the_scores_of_ns_eval_and_what_the_run_logged(
 def test_a_run_and_its_capture_that_were_moved_have_a_page(
     trained: Path, tiny_scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    """With the survey's findings beside the run; without TensorBoard's files."""
+    """With the survey's findings beside the run."""
     from desplat_ns.commands.report import Report
 
     config: Any = yaml.load(trained.read_text(), Loader=yaml.UnsafeLoader)
@@ -95,7 +91,6 @@ def test_a_run_and_its_capture_that_were_moved_have_a_page(
     Report(run, tiny_scene.folder, training_photos=1, held_out_photos=0).main()
     html = (tmp_path / "my run" / "report.html").read_text("utf8")
     assert "would have said sh: There is a sky." in html
-    assert "there is no TensorBoard file" in html
     assert "--load-config &#39;my run/config.yml&#39;" in html, "as a shell takes it"
 
 

@@ -9,7 +9,7 @@ import torch
 from nerfstudio.cameras.cameras import Cameras
 
 from desplat_ns.data.training_views import train_index
-from desplat_ns.evaluation.mask_scores import score_masks
+from desplat_ns.evaluation.evaluate import score_masks
 from tests.helpers.masks import HEIGHT, WIDTH, write_mask
 
 

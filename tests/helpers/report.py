@@ -7,23 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from desplat_ns.files.pages import Picture
+from desplat_ns.report.effects import EffectReason
 from desplat_ns.report.notices import Notice
 from desplat_ns.report.page import Contents
-from desplat_ns.report.pictures import HeldOutPhoto, TrainingPhoto
-from desplat_ns.report.recorded import Chart, EffectReason, Numbers
-
-NUMBERS = Numbers(
-    experiment="yard",
-    method="desplat",
-    capture="photos/yard",
-    steps=2000,
-    planned=2000,
-    has_budget=False,
-    num_photos=3,
-    seconds=200.0,
-    num_static=1200,
-    num_distractors=340,
-)
+from desplat_ns.report.pictures import Photo
 
 
 def noise(seed: int, width: int = 48, height: int = 32) -> np.ndarray:
@@ -36,32 +24,40 @@ def flat(color: tuple[int, int, int], width: int = 48, height: int = 32) -> np.n
     return np.full((height, width, 3), color, np.uint8)
 
 
-def training_photo(name: str, **changes: Any) -> TrainingPhoto:
-    """A red photo of a blue scene, a tenth of it covered."""
-    black = flat((0, 0, 0))
-    red, blue = flat((200, 0, 0)), flat((0, 0, 200))
-    photo = TrainingPhoto(name, red, blue, black, black, 0.1)
-    return replace(photo, **changes)
+RED, BLUE, BLACK = (Picture(flat(color)) for color in ((200, 0, 0), (0, 0, 200), (0, 0, 0)))
 
 
-def held_out_photo(name: str, **changes: Any) -> HeldOutPhoto:
-    """A grey photo that is scored 25 dB."""
-    grey = flat((90, 90, 90))
-    figures = {"psnr": 25.0, "ssim": 0.9}
-    return replace(HeldOutPhoto(name, grey, grey, grey, figures), **changes)
+def plain_photo(name: str) -> Photo:
+    """A red training photo of a blue scene, in a run without distractors."""
+    return Photo(name, {"photo": RED, "rendering": BLUE})
+
+
+def training_photo(name: str, covered: float = 0.1) -> Photo:
+    """The same, with distractors."""
+    pictures = {"photo": RED, "rendering": BLUE, "distractors": BLACK, "mask": BLACK}
+    return Photo(name, pictures, covered)
+
+
+def held_out_photo(name: str) -> Photo:
+    """A photo that is scored 25 dB."""
+    pictures = {"photo": RED, "rendering": BLUE, "error": BLACK}
+    return Photo(name, pictures, figures={"psnr": 25.0, "ssim": 0.9})
 
 
 def contents(**changes: Any) -> Contents:
     """A page's contents: three training photos, one held out."""
-    loss = ((0.0, 1.0), (1000.0, 0.1), (2000.0, 0.01))
     made_up = Contents(
-        numbers=NUMBERS,
+        experiment="yard",
+        method="desplat",
+        capture="photos/yard",
+        config="outputs/yard/desplat/run/config.yml",
+        steps=2000,
+        num_photos=3,
+        counts={"num_static_gaussians": 1200, "num_distractor_gaussians": 340},
         notices=[Notice("Each photo was seen 5 times.", "Try --max-num-iterations 9000.")],
         training=[training_photo(f"photo_{number}.png") for number in range(3)],
         held_out=[held_out_photo("extra.png")],
         results={"psnr": 25.0, "ssim": 0.9, "num_images": 1, "protocol": "full image"},
-        charts=[Chart("Loss", {"loss": loss}, True)],
         reasons=[EffectReason("Distractors", "on", "Something is in the way.")],
-        config="outputs/yard/desplat/run/config.yml",
     )
     return replace(made_up, **changes)

@@ -6,7 +6,7 @@ import torch
 from desplat_ns.errors import ConfigError
 from desplat_ns.photo_tourism.config import AppearanceConfig, BackgroundConfig
 from desplat_ns.photo_tourism.image_effects import ImageEffects
-from desplat_ns.photo_tourism.shown_light import VARIABLE, ShownLight, parse_light
+from desplat_ns.photo_tourism.shown_light import VARIABLE, ShownLight, mixed_light
 from desplat_ns.settings.effects import Effects
 
 NAMES = ["a.jpg", "b:1.jpg", "c.jpg"]
@@ -25,17 +25,10 @@ def test_an_image_of_its_own_else_the_average(lights):
     torch.testing.assert_close(shown.embedding(lights), lights.mean())
 
 
-def test_the_viewer_mixes_two_images(lights):
+def test_the_viewer_s_choice_is_shown(lights):
     shown = ShownLight(NAMES)
-    shown.first.value, shown.second.value, shown.share.value = "a.jpg", "c.jpg", 0.25
-    expected = 0.75 * lights.of(0) + 0.25 * lights.of(2)
-    torch.testing.assert_close(shown.embedding(lights, 1), expected)
-
-
-def test_one_choice_counts_whatever_the_slider_says(lights):
-    shown = ShownLight(NAMES)
-    shown.first.value, shown.share.value = "c.jpg", 1.0
-    torch.testing.assert_close(shown.embedding(lights), lights.of(2))
+    shown.choice.value = "c.jpg"
+    torch.testing.assert_close(shown.embedding(lights, 1), lights.of(2))
 
 
 def test_the_environment_names_a_mix(lights, monkeypatch):
@@ -43,7 +36,7 @@ def test_the_environment_names_a_mix(lights, monkeypatch):
     shown = ShownLight(NAMES)
     expected = 0.75 * lights.of(0) + 0.25 * lights.of(2)
     torch.testing.assert_close(shown.embedding(lights), expected)
-    shown.first.value = "c.jpg"  # the viewer comes before it
+    shown.choice.value = "c.jpg"  # the viewer comes before it
     torch.testing.assert_close(shown.embedding(lights), lights.of(2))
 
 
@@ -66,14 +59,15 @@ def test_a_name_of_another_scene_matters_only_where_it_is_worn(lights, monkeypat
         shown.embedding(lights)
 
 
-def test_names_may_hold_colons():
-    assert parse_light("b:1.jpg", NAMES) == [(1, 1.0)]
-    assert parse_light("b:1.jpg:2,a.jpg:2", NAMES) == [(1, 0.5), (0, 0.5)]
+def test_names_may_hold_colons(lights):
+    torch.testing.assert_close(mixed_light("b:1.jpg", NAMES, lights), lights.of(1))
+    both = mixed_light("b:1.jpg:2,a.jpg:2", NAMES, lights)
+    torch.testing.assert_close(both, (lights.of(0) + lights.of(1)) / 2)
 
 
 @pytest.mark.parametrize(
     "text", ["x.jpg", "a.jpg:much", "a.jpg:0", "a.jpg:-1,c.jpg:2", ",", "a.jpg:inf"]
 )
-def test_a_text_that_makes_no_mix_is_refused(text):
+def test_a_text_that_makes_no_mix_is_refused(text, lights):
     with pytest.raises(ConfigError, match=VARIABLE):
-        parse_light(text, NAMES)
+        mixed_light(text, NAMES, lights)

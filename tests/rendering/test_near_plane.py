@@ -89,6 +89,6 @@ def test_a_view_without_points_and_a_random_start_have_no_near_plane():
 
 def test_an_embedding_is_fitted_to_what_is_rendered():
     model = with_a_veil(near_plane=0.5).eval()
-    image = as_function_of_embedding(model, VIEW)(torch.zeros(0))
+    image = as_function_of_embedding(model, VIEW, VIEW.width)(torch.zeros(0))
     rendered = model.get_outputs_for_camera(camera(0))["rgb"]
     torch.testing.assert_close(image, rendered, rtol=0, atol=1e-6)

@@ -1,6 +1,5 @@
 """What is said of a run, and when nothing is."""
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -9,28 +8,27 @@ import pytest
 from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.report.notices import notices
 from desplat_ns.report.views import Disputed
-from tests.helpers.report import NUMBERS, training_photo
+from tests.helpers.report import training_photo
 
-LONG = replace(NUMBERS, steps=30_000, planned=30_000, num_photos=20)
 PHOTOS = [training_photo(f"{number}.png") for number in range(3)]
 DISPUTED = Disputed(0.3, ["1.png", "2.png"], np.ones((4, 6), bool))
 
 
 def said(**changes: Any) -> list[str]:
     """What is said of a long run in which nothing stands out, but for the changes."""
-    inputs = {"numbers": LONG, "photos": PHOTOS, "disputed": None, "alone": {}}
+    inputs = {"steps": 30_000, "planned": 30_000, "photos": PHOTOS, "disputed": None, "alone": {}}
     inputs |= {"distractors": DistractorConfig(start="residual")}
     return [f"{notice.what} {notice.advice}" for notice in notices(**inputs | changes)]
 
 
 def covered(*shares: float) -> list[Any]:
-    return [training_photo(f"{i}.png", covered=share) for i, share in enumerate(shares)]
+    return [training_photo(f"{i}.png", share) for i, share in enumerate(shares)]
 
 
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"numbers": replace(LONG, steps=12_000)}, ["12,000 of 30,000", "--load-dir"]),
+        ({"steps": 12_000}, ["12,000 of 30,000", "--load-dir"]),
         ({"photos": covered(0.7, 0.1, 0.1)}, ["1 of 3", "0.png", "strong-excess"]),
         ({"photos": covered(0.7, 0.9, 0.1)}, ["2 of 3", "1.png, 0.png", "appearance", "lambda-d"]),
         ({"photos": covered(0.0, 0.0)}, ["strong-excess"]),
@@ -44,8 +42,9 @@ def test_what_stands_out_is_said_with_what_to_try(changes: dict[str, Any], words
 
 
 def test_a_disputed_place_is_shown_in_the_photo_that_is_named_first():
-    (notice,) = notices(LONG, PHOTOS, None, DISPUTED, {})
-    assert notice.picture is not None and notice.picture.shape == PHOTOS[1].photo.shape
+    (notice,) = notices(30_000, 30_000, PHOTOS, None, DISPUTED, {})
+    assert notice.picture is not None
+    assert notice.picture.pixels.shape == PHOTOS[1].pictures["photo"].pixels.shape
 
 
 @pytest.mark.parametrize(
@@ -53,7 +52,7 @@ def test_a_disputed_place_is_shown_in_the_photo_that_is_named_first():
     [
         {},
         {"distractors": None, "photos": covered(0.0)},
-        {"numbers": replace(LONG, steps=12_000, has_budget=True)},
+        {"steps": 12_000, "planned": None},
     ],
 )
 def test_where_nothing_stands_out_nothing_is_said(changes: dict[str, Any]):

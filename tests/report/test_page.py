@@ -3,13 +3,9 @@
 import re
 from dataclasses import replace
 from html.parser import HTMLParser
-from xml.etree import ElementTree
 
-import pytest
-
-from desplat_ns.report.page import html_of, svg
-from desplat_ns.report.recorded import Chart
-from tests.helpers.report import NUMBERS, contents, held_out_photo, training_photo
+from desplat_ns.report.page import html_of
+from tests.helpers.report import contents, held_out_photo, plain_photo, training_photo
 
 VOID = {"meta", "link", "img", "input", "br"}
 EVIL = "<script>alert(1)</script>\"'&.png"
@@ -60,7 +56,8 @@ def test_a_page_asks_for_nothing():
 
 def test_names_are_text_whatever_is_in_them():
     evil = contents(
-        numbers=replace(NUMBERS, experiment=EVIL, capture=EVIL),
+        experiment=EVIL,
+        capture=EVIL,
         training=[training_photo(EVIL)],
         held_out=[held_out_photo(EVIL)],
         notices=[replace(contents().notices[0], what=EVIL, advice=EVIL)],
@@ -72,23 +69,15 @@ def test_names_are_text_whatever_is_in_them():
     assert "alert" not in "".join(v for _, attrs in Tags(html).tags for v in attrs if v)
 
 
-def test_a_run_that_recorded_and_scored_nothing_has_a_page():
-    plain = training_photo("a.jpg", distractors=None, mask=None, covered=None)
-    empty = contents(
-        training=[plain],
-        notices=[],
-        held_out=[],
-        results={},
-        charts=[],
-        numbers=replace(NUMBERS, seconds=None, num_photos=1700),
-    )
-    tags = Tags(html_of(empty))
-    assert len(tags.of("img")) == 2 and not tags.of("svg")
+def test_a_run_that_scored_nothing_has_a_page():
+    plain = [plain_photo("a.jpg")]
+    empty = contents(training=plain, notices=[], held_out=[], results={}, num_photos=1700)
+    assert len(Tags(html_of(empty)).of("img")) == 2
 
 
-def photos_covered(*shares: float | None) -> str:
+def photos_covered(*shares: float) -> str:
     """A page of training photos of which these shares are covered."""
-    photos = [training_photo(f"{n}.jpg", covered=share) for n, share in enumerate(shares)]
+    photos = [training_photo(f"{n}.jpg", share) for n, share in enumerate(shares)]
     return html_of(contents(training=photos))
 
 
@@ -101,7 +90,7 @@ def test_photos_that_are_covered_most_come_first_and_those_that_are_not_are_fold
 
 def test_pictures_stand_with_their_photo():
     photos = [training_photo(f"{n}.jpg") for n in range(4)]
-    photos.insert(2, training_photo("plain.jpg", distractors=None, mask=None))
+    photos.insert(2, plain_photo("plain.jpg"))
     images = Tags(html_of(contents(training=photos))).of("img")
     by_name = {(image["alt"] or ""): image["src"] for image in images}
     red, blue = by_name["plain.jpg, the photo"], by_name["plain.jpg, the static scene"]
@@ -109,19 +98,3 @@ def test_pictures_stand_with_their_photo():
     for n in range(4):
         assert by_name[f"{n}.jpg, the photo"] == red
         assert by_name[f"{n}.jpg, the static scene"] == blue
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("is_logarithmic", [True, False])
-@pytest.mark.parametrize("values", [(1.0,), (1e-6, 3.0, 1e7), tuple(range(1, 41))])
-def test_a_chart_is_well_formed_and_its_curves_are_inside(is_logarithmic, values):
-    points = tuple((float(step), float(v)) for step, v in enumerate(values))
-    drawn = svg(Chart("a <b> & c", {"x": points}, is_logarithmic))
-    root = ElementTree.fromstring(drawn.replace("<svg", '<svg xmlns:xlink="x"', 1))
-    _, _, width, height = map(float, root.attrib["viewBox"].split())
-    style = "fill: none; stroke: var(--accent)"
-    (curve,) = (e for e in root.iter("path") if e.get("style", "").startswith(style))
-    places = [float(text) for text in re.findall(r"-?\d+(?:\.\d+)?", curve.attrib["d"])]
-    assert len(places) >= 2
-    assert all(0 <= x <= width for x in places[::2])
-    assert all(0 <= y <= height for y in places[1::2])

@@ -9,5 +9,5 @@ def test_a_photo_of_a_run_without_distractors_stands_beside_the_scene_alone(tiny
     pipeline = config.setup(device="cpu")
     pipeline.eval()
     (photo,) = training_photos(pipeline, [1])
-    assert photo.static.shape == photo.photo.shape
-    assert (photo.distractors, photo.mask, photo.covered, photo.unlike) == (None,) * 4
+    assert photo.pictures.keys() == {"photo", "rendering"}
+    assert photo.covered is None and photo.unlike is None

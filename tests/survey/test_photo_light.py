@@ -53,10 +53,8 @@ def chain(gains: np.ndarray) -> Observations:
         is_shown=tracked,
         is_tracked=tracked,
         colors=colors,
-        is_clipped=np.zeros_like(tracked),
         structures=np.zeros((count, number, 25)),
         has_tracks=True,
-        num_photos=count,
         all_xyz=np.zeros((0, 3)),
         num_in_view=np.zeros(count, int),
     )
