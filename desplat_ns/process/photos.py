@@ -20,7 +20,7 @@ import PIL.Image
 from jaxtyping import UInt8
 
 from desplat_ns.console import list_names
-from desplat_ns.data.images import lens_of, read_image, read_mask, resize_image, write_image
+from desplat_ns.data.images import lens_of, read_image, read_mask, resize_image
 from desplat_ns.data.photo_files import photo_names
 from desplat_ns.errors import CaptureError
 from desplat_ns.files.whole import write_whole
@@ -180,6 +180,7 @@ def prepare_masks(mask: Path, photos: Sequence[Photo], copies: Path) -> int:
             f"Needed are files named as the photos: {Path(photos[0].source).stem}.png for "
             f"{photos[0].source}; or name one picture that is the mask of all."
         )
+    copies.mkdir(parents=True, exist_ok=True)
     for photo, path in paths.items():
         if path is not None:
             white = read_mask(path)
@@ -192,7 +193,8 @@ def prepare_masks(mask: Path, photos: Sequence[Photo], copies: Path) -> int:
             values = white.astype(np.uint8) * 255
             size = photo.width, photo.height
             resized = cv2.resize(values, size, interpolation=cv2.INTER_AREA)
-            write_image(copies / f"{photo.copy}.png", resized > 127)
+            picture = PIL.Image.fromarray((resized > 127).astype(np.uint8) * 255)
+            picture.save(copies / f"{photo.copy}.png")
     return sum(path is not None for path in paths.values())
 
 
