@@ -66,15 +66,9 @@ class CaptureDataset(InputDataset):
     def get_data(self, image_idx: int, image_type: ImageType = "float32") -> Photo:
         """`image_idx`, `image` [H, W, C] and, if the capture has masks, `mask` [H, W, 1] (bool)."""
         read = self.get_image_uint8 if image_type == "uint8" else self.get_image_float32
-        image = read(image_idx)
-        data: Photo = {"image_idx": image_idx, "image": image}
+        data: Photo = {"image_idx": image_idx, "image": read(image_idx)}
         if self._dataparser_outputs.mask_filenames is not None:
             data["mask"] = self.get_mask(image_idx)
-            if self.mask_color:
-                color = torch.tensor(self.mask_color)
-                if image_type == "uint8":
-                    color = (color * 255).round()
-                data["image"] = torch.where(data["mask"], image, color.to(image.dtype))
         data.update(self.get_metadata(data))
         return data
 

@@ -20,9 +20,6 @@ from desplat_ns.data.reconstruction import Frame
 METADATA_KEY = "distractor_mask_filenames"
 """Where the data parser leaves the masks' paths (or None), one for each training photo."""
 
-SHADOWS_PREFIX = "shadow_"
-"""The folder of shadow masks stands beside that of the masks; before its name there is this."""
-
 MASK_LEVEL = 127
 """8-bit grey above which a mask's pixel counts as distractor."""
 
@@ -36,18 +33,6 @@ def gt_masks(folder: Path, frames: Sequence[Frame]) -> dict[str, list[Path | Non
     paths = [folder / Path(frame.name).with_suffix(".png") for frame in frames]
     masks = [path if path.is_file() else None for path in paths]
     return {METADATA_KEY: masks} if any(masks) else {}
-
-
-def shadow_mask_of(mask: Path) -> Path | None:
-    """The mask of the shadows that go with a mask, white where one is; None if there is none.
-
-    Of masks/a/b.png it is shadow_masks/a/b.png.
-    """
-    for folder in mask.parents[:-1]:
-        beside = folder.with_name(SHADOWS_PREFIX + folder.name) / mask.relative_to(folder)
-        if beside.is_file():
-            return beside
-    return None
 
 
 def read_gt_mask(path: Path, width: int, height: int) -> Bool[Tensor, "H W 1"]:

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 import torch
 
-from desplat_ns.data.gt_masks import read_gt_mask, shadow_mask_of
+from desplat_ns.data.gt_masks import read_gt_mask
 from desplat_ns.errors import CaptureError
 from tests.helpers.masks import HEIGHT, WIDTH, write_mask
 
@@ -25,13 +25,3 @@ def test_an_unreadable_mask_is_named(tmp_path: Path, content: bytes | None):
         path.write_bytes(content)
     with pytest.raises(CaptureError, match=r"mask_0007\.png"):
         read_gt_mask(path, WIDTH, HEIGHT)
-
-
-def test_shadows_lie_beside_their_masks_in_folders_of_folders_too(tmp_path: Path):
-    for name in ("masks/a", "shadow_masks/a"):
-        (tmp_path / name).mkdir(parents=True)
-    mask = write_mask(tmp_path / "masks/a/0.png", 1)
-    assert shadow_mask_of(mask) is None
-    shadows = write_mask(tmp_path / "shadow_masks/a/0.png", 1)
-    assert shadow_mask_of(mask) == shadows
-    assert shadow_mask_of(tmp_path / "masks/0.png") is None

@@ -47,8 +47,8 @@ def test_colmaps_points_are_used_without_a_question(processed, model_writer, mon
     model_writer(processed / "colmap" / "sparse" / "0", ["0.png", "1.png"])
     before = (processed / "transforms.json").read_bytes()
     outputs = outputs_of(processed, **AS_GIVEN)
-    # Cameras of the model and of the file have the same places, and y and z of the file turned.
-    expected = torch.tensor([[0.5, 1.0, -4.0], [1.0, -2.0, -3.0]])
+    # An old ns-process-data swapped x with y and turned z.
+    expected = torch.tensor([[-1.0, 0.5, -4.0], [2.0, 1.0, -3.0]])
     torch.testing.assert_close(outputs.metadata["points3D_xyz"], expected)
     assert (processed / "transforms.json").read_bytes() == before
 
@@ -170,11 +170,6 @@ def test_cameras_that_cannot_be_drawn_are_an_error(processed: Path, head, named:
         outputs_of(processed)
 
 
-def shift(frame: dict, by: list[float]) -> None:
-    for row, offset in zip(frame["transform_matrix"], by, strict=False):
-        row[3] += offset
-
-
 def test_copies_are_found_below_their_folders_only(processed: Path, photo_writer):
     for side in ("left", "right"):
         photo_writer(processed / "images" / side / "0.png", seed=len(side))
@@ -207,28 +202,12 @@ def test_a_photo_in_two_frames_is_an_error(processed: Path):
         outputs_of(processed)
 
 
-def test_points_of_another_world_are_moved_to_the_photos_or_left_out(
-    processed: Path, model_writer, capsys
-):
-    model_writer(processed / "sparse" / "0", ["0.png", "1.png", "2.png", "3.png"])
-    before = outputs_of(processed).metadata["points3D_xyz"]
-    turn = np.array([[0, 0, 2, 5], [2, 0, 0, 6], [0, 2, 0, 7], [0, 0, 0, 1]])
-
-    def move(_: int, frame: dict) -> None:
-        pose = turn @ np.array(frame["transform_matrix"])
-        pose[:3, :3] /= 2
-        frame["transform_matrix"] = pose.tolist()
-
-    options = {**AS_GIVEN, "eval_mode": "all"}
-    before = outputs_of(processed, **options).metadata["points3D_xyz"].double()
-    rewrite(processed, move)
-    after = outputs_of(processed, **options).metadata["points3D_xyz"].double()
-    torch.testing.assert_close(
-        after, before @ torch.tensor(turn[:3, :3].T).double() + torch.tensor([5.0, 6, 7]).double()
-    )
-    rewrite(processed, lambda number, frame: shift(frame, [0, 9 * number**2, 0]))
-    assert "points3D_xyz" not in outputs_of(processed, **options).metadata
-    assert "do not fit" in capsys.readouterr().out
+def test_points_of_the_model_are_moved_as_the_poses_were(processed: Path, model_writer, capsys):
+    model_writer(processed / "colmap" / "sparse" / "0", ["0.png", "1.png"])
+    applied = [[0, 0, 1, 5], [1, 0, 0, 6], [0, 1, 0, 7]]
+    damage(processed, applied_transform=applied, applied_scale=2)
+    expected = torch.tensor([[18.0, 13, 12], [16, 14, 18]])
+    torch.testing.assert_close(outputs_of(processed, **AS_GIVEN).metadata["points3D_xyz"], expected)
 
 
 def test_what_other_programs_write_is_read(processed: Path):

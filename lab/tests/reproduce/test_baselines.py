@@ -13,7 +13,8 @@ from PIL import Image
 from desplat_ns.data.gt_masks import METADATA_KEY
 from desplat_ns.errors import CaptureError
 from desplat_ns.studies.methods import method_config, parse
-from lab.reproduce.baselines import TRIMMED_SHARE, _any_pixel, _trimmed, mask_of
+from lab.reproduce.baselines import TRIMMED_SHARE, _any_pixel, _trimmed, mask_of, shadow_mask_of
+from tests.helpers.masks import write_mask
 
 EFFECTS = "--pipeline.model.effects"
 OFF = (f"{EFFECTS}.auto", "False", f"{EFFECTS}.distractors", "False")
@@ -55,3 +56,13 @@ def test_a_trimmed_loss_leaves_out_the_largest_residuals():
     left_out = _trimmed(rendered, photo)[..., 0]
     assert left_out[6:11, 6:11].all()
     assert left_out.float().mean() < 1 - TRIMMED_SHARE
+
+
+def test_shadows_lie_beside_their_masks_in_folders_of_folders_too(tmp_path: Path):
+    for name in ("masks/a", "shadow_masks/a"):
+        (tmp_path / name).mkdir(parents=True)
+    mask = write_mask(tmp_path / "masks/a/0.png", 1)
+    assert shadow_mask_of(mask) is None
+    shadows = write_mask(tmp_path / "shadow_masks/a/0.png", 1)
+    assert shadow_mask_of(mask) == shadows
+    assert shadow_mask_of(tmp_path / "masks/0.png") is None
