@@ -23,19 +23,8 @@ from desplat_ns.console import announce_once, list_names
 from desplat_ns.data.downscale import PhotoSource, downscale_factor, photo_sources
 from desplat_ns.data.gt_masks import gt_masks
 from desplat_ns.data.photo_files import check_files
-from desplat_ns.data.poses import (
-    OrientedPoses,
-    make_cameras,
-    orient_poses,
-    points_metadata,
-)
-from desplat_ns.data.reconstruction import (
-    TRACKS,
-    Frame,
-    Reconstruction,
-    Tracks,
-    read_reconstruction,
-)
+from desplat_ns.data.poses import OrientedPoses, make_cameras, orient_poses, points_metadata
+from desplat_ns.data.reconstruction import Frame, Reconstruction, read_reconstruction
 from desplat_ns.data.splits import Lists, listed_photos, read_list_files
 from desplat_ns.errors import CaptureError
 from desplat_ns.settings.options import check_ranges, ranged
@@ -61,6 +50,10 @@ class DeSplatColmapDataParserConfig(ColmapDataParserConfig):
 @dataclass
 class OwnSplitConfig(DeSplatColmapDataParserConfig):
     """COLMAP captures that say themselves which photos are held out."""
+
+    distractor_masks_path: Path | None = Path("masks")
+    """Folder of true distractor masks (white = distractor), relative to the data, if there is one.
+    Evaluation compares the model's masks with them; training never sees them."""
 
     eval_mode: Annotated[Literal["fraction", "filename", "interval", "all"], _Hidden] = "filename"
     """Not used: the capture decides."""
@@ -103,15 +96,10 @@ class DeSplatColmapDataParser(ColmapDataParser):
         """What is known of the capture.
 
         Raises:
-            CaptureError: see `read`; or one photo only, one photo twice, or no points.
+            CaptureError: see `read`; or one photo twice, or no points.
         """
         model = self.read()
         names = [frame.name for frame in model.frames]
-        if len(names) < 2:
-            raise CaptureError(
-                f"The reconstruction {model.folder} has one photo only ({names[0]}); "
-                "two or more are needed, better 20. Take more and run COLMAP again."
-            )
         if twice := sorted(name for name, count in Counter(names).items() if count > 1):
             raise CaptureError(
                 f"{len(twice)} photos stand more than once in {model.folder}, each time with a "
@@ -210,7 +198,7 @@ class DeSplatColmapDataParser(ColmapDataParser):
         if config.distractor_masks_path is not None:
             metadata |= gt_masks(config.data / config.distractor_masks_path, frames)
         if config.load_3D_points and len(self.reconstruction.points.xyz):
-            metadata |= self._points_metadata(frames)
+            metadata |= points_metadata(self.reconstruction, oriented, frames)
         half = config.scene_scale
         return DataparserOutputs(
             image_filenames=[source.path for source in sources],
@@ -223,14 +211,3 @@ class DeSplatColmapDataParser(ColmapDataParser):
             ).float(),
             metadata=metadata,
         )
-
-    def _points_metadata(self, frames: Sequence[Frame]) -> dict[str, Any]:
-        """Points, and where to read which photo observes which."""
-        oriented, known = self.oriented, self.reconstruction
-        metadata, ids = points_metadata(
-            known.points, oriented.transform, oriented.scale, known.folder
-        )
-        photos = tuple(frame.image_id for frame in frames)
-        if known.has_tracks:
-            metadata[TRACKS] = Tracks(known.folder, photos, ids)
-        return metadata

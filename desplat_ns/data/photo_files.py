@@ -63,7 +63,7 @@ def check_files(paths: Sequence[Path], folder: Path, what: str, option: str) -> 
     Raises:
         CaptureError: lists what is missing from `folder`, `what` it is, and the `option` to set.
     """
-    missing = [path for path in paths if not path.is_file()]
+    missing = [path for path in paths if not os.path.isfile(path)]  # also of names too long
     if not missing:
         return
     if not folder.is_dir():

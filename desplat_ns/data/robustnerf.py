@@ -32,9 +32,6 @@ class RobustNerfDataParserConfig(OwnSplitConfig):
     once, this fraction of them cluttered. Photos with `extra` in the file name are held out."""
     seed: int = 0
     """Chooses which viewpoints are cluttered."""
-    distractor_masks_path: Path | None = Path("masks")
-    """Folder of true distractor masks (white = distractor), relative to the data, if there is one.
-    Evaluation compares the model's masks with them; training never sees them."""
 
 
 class RobustNerfDataParser(DeSplatColmapDataParser):

@@ -25,6 +25,7 @@ from desplat_ns.data.reconstruction import (
     Reconstruction,
     camera_type_of,
     check_frame,
+    points_of,
     read_reconstruction,
 )
 from desplat_ns.errors import CaptureError
@@ -171,13 +172,12 @@ def _points(cloud: Path | None, folder: Path, to_world: Float[np.ndarray, "4 4"]
     points = _NO_POINTS
     if cloud is not None:
         try:
-            xyz, rgb = read_cloud(cloud)
+            points = points_of(read_cloud(cloud))
         except UNEXPECTED as error:
             raise CaptureError(
                 f"The point cloud {cloud} cannot be read: {error}. Put it there, or take "
                 f"ply_file_path out of transforms.json."
             ) from error
-        points = Points(xyz, rgb, np.arange(len(xyz)))
     elif (folder / MODEL).is_dir():
         points = read_reconstruction(folder, MODEL).points
         points = replace(points, xyz=points.xyz @ to_world[:3, :3].T + to_world[:3, 3])

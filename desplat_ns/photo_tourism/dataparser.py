@@ -45,9 +45,6 @@ class PhotoTourismDataParserConfig(OwnSplitConfig):
     downscale_factor: int | None = ranged(None, "[1, inf)")
     """All photos at 1/N of their size. Without this option every photo by itself is halved until it
     has at most 1600 pixels a side; smaller ones keep their size."""
-    distractor_masks_path: Path | None = Path("masks")
-    """Folder of true distractor masks (white = distractor), relative to the data, if there is one.
-    Evaluation compares the model's masks with them; training never sees them."""
 
 
 class PhotoTourismDataParser(DeSplatColmapDataParser):

@@ -106,13 +106,11 @@ def test_points_of_a_ply_go_with_the_cameras(processed: Path):
     assert outputs.metadata["points3D_rgb"].tolist() == [[1, 2, 3], [4, 5, 6]]
 
 
-def test_points_of_a_ply_with_nan_are_left_out_and_some_have_to_be_left(processed: Path, capsys):
-    name_ply(processed, "nan 0 0 1 2 3\n1 2 3 4 5 6\n", 2)
-    outputs = outputs_of(processed)
-    assert outputs.metadata["points3D_xyz"].shape == (1, 3)
-    assert outputs.metadata["points3D_rgb"].tolist() == [[4, 5, 6]]
-    assert "1 of 2 points in" in capsys.readouterr().out
-    name_ply(processed, "nan 0 0 1 2 3\n", 1)
+def test_a_ply_that_cannot_be_read_is_named_and_some_points_have_to_be_left(processed: Path):
+    name_ply(processed, "one 0 0 1 2 3\n1 2 3 4 5 6\n", 2)
+    with pytest.raises(CaptureError, match=r"p\.ply cannot be read"):
+        outputs_of(processed)
+    name_ply(processed, "1e39 0 0 1 2 3\n", 1)
     with pytest.raises(CaptureError, match="--load-3D-points"):
         outputs_of(processed)
 
