@@ -87,7 +87,10 @@ def check_size(path: Path, size: Size, camera: Size) -> None:
     Raises:
         CaptureError: names the file and both sizes.
     """
-    if _fits(size, camera):
+    # Of the longer side: the shorter one may have been rounded up to one pixel.
+    ratio = size[1] / camera[1] if camera[1] > camera[0] else size[0] / camera[0]
+    off = max(abs(size[0] / ratio - camera[0]), abs(size[1] / ratio - camera[1]))
+    if size[0] >= camera[0] and size[1] >= camera[1] and off <= SIZE_TOLERANCE + 1:
         return
     raise CaptureError(
         f"Photo {path} is {size[0]}x{size[1]} pixels, but its camera in the reconstruction is "
@@ -97,15 +100,6 @@ def check_size(path: Path, size: Size, camera: Size) -> None:
         "(`mogrify -auto-orient` turns them) and run COLMAP again, or name the folder that it was "
         "made from with --images-path."
     )
-
-
-def _fits(size: Size, camera: Size) -> bool:
-    if size[0] < camera[0] or size[1] < camera[1]:
-        return False
-    # Of the longer side: the shorter one may have been rounded up to one pixel.
-    ratio = size[1] / camera[1] if camera[1] > camera[0] else size[0] / camera[0]
-    off = max(abs(size[0] / ratio - camera[0]), abs(size[1] / ratio - camera[1]))
-    return off <= SIZE_TOLERANCE + 1
 
 
 _NUMBERS = ("fx", "fy", "cx", "cy", "width", "height")

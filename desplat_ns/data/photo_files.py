@@ -49,12 +49,9 @@ def photos_near(folder: Path) -> list[str]:
 
 def downscale_factors(images: Path) -> list[int]:
     """The N of folders such as `images_2`, `images_4` beside `images`, ascending."""
-    matches = (
-        re.fullmatch(re.escape(images.name) + r"_([1-9]\d*)", path.name)
-        for path in (images.parent.iterdir() if images.parent.is_dir() else ())
-        if path.is_dir()
-    )
-    return sorted(int(match[1]) for match in matches if match is not None)
+    copies = [path for path in images.parent.glob(f"{images.name}_*") if path.is_dir()]
+    numbers = (path.name.removeprefix(f"{images.name}_") for path in copies)
+    return sorted(int(number) for number in numbers if re.fullmatch(r"[1-9]\d*", number))
 
 
 def check_files(paths: Sequence[Path], folder: Path, what: str, option: str) -> None:

@@ -30,11 +30,7 @@ from desplat_ns.data.photo_files import downscale_factors, photo_names, photos_n
 from desplat_ns.data.robustnerf import RobustNerfDataParserConfig, describe
 from desplat_ns.data.transforms_json import TransformsDataParser
 from desplat_ns.errors import CaptureError, ConfigError
-from desplat_ns.photo_tourism.dataparser import (
-    ROOTS,
-    PhotoTourismDataParserConfig,
-    split_folders,
-)
+from desplat_ns.photo_tourism.dataparser import DENSE, PhotoTourismDataParserConfig, split_folders
 from desplat_ns.photo_tourism.split_file import split_files
 from desplat_ns.settings.options import option_of
 
@@ -198,10 +194,10 @@ def _photo_tourism(data: Path) -> Found | None:
     held_out = (
         f"the split file {split[0].name}" if split else "no split file: a draw holds photos out"
     )
-    poses, dense = _model_of(data), ROOTS[0]
-    if find_models(data, dense / "sparse") and (data / dense / "images").is_dir():
-        poses = f"{dense}/images and {dense}/sparse"
-    elif not split and data.resolve().name != dense.name:
+    poses = _model_of(data)
+    if find_models(data, DENSE / "sparse") and (data / DENSE / "images").is_dir():
+        poses = f"{DENSE}/images and {DENSE}/sparse"
+    elif not split and data.resolve().name != DENSE.name:
         return None
     return (poses, f"{poses} ({held_out})", {}) if poses else None
 
