@@ -41,7 +41,8 @@ class DeSplatColmapDataParserConfig(ColmapDataParserConfig):
     """Reconstruction, relative to the data: a model's folder, or a folder of models (sparse/0,
     sparse/1, ...) of which the one with most photos is taken. colmap/sparse is found too."""
     downscale_factor: int | None = ranged(None, "[1, inf)")
-    """Photos at 1/N of their size. Without this option, at most 1600 pixels a side."""
+    """All photos at 1/N of their size. Without this option every photo by itself is halved until it
+    has at most 1600 pixels a side; smaller ones keep their size."""
     distractor_masks_path: Path | None = None
     """Folder of true distractor masks (white = distractor), relative to the data, if there is one.
     Evaluation compares the model's masks with them; training never sees them."""
@@ -77,8 +78,6 @@ class DeSplatColmapDataParser(ColmapDataParser):
     """Reads a COLMAP capture once for all splits. See `DeSplatColmapDataParserConfig`."""
 
     config: DeSplatColmapDataParserConfig
-    sizes_differ: ClassVar[bool] = False
-    """Whether each photo is reduced by itself, and not all to the same share of their size."""
     split_by: ClassVar[str] = "--eval-mode and its numbers, or by the *_list.txt files there"
     """What says which photos are held out."""
 
@@ -131,12 +130,8 @@ class DeSplatColmapDataParser(ColmapDataParser):
         Raises:
             CaptureError: photos that are not there.
         """
-        config, images, every = self.config, self.photos_folder, self.reconstruction.frames
-        requested = config.downscale_factor
-        if requested is None and self.sizes_differ:
-            factors = [downscale_factor(None, [frame]) for frame in frames]
-        else:
-            factors = [downscale_factor(requested, every)] * len(frames)
+        config, images = self.config, self.photos_folder
+        factors = [downscale_factor(config.downscale_factor, frame) for frame in frames]
         sources, note = photo_sources(images, frames, factors, config.downscale_rounding_mode)
         check_files([source.path for source in sources], images, "photos", "--images-path")
         if note:

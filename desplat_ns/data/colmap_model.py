@@ -117,18 +117,13 @@ def _names_in(path: Path) -> dict[int, str]:
     Raises ValueError where they do not.
     """
     lines = [line for line in path.read_text("utf-8").split("\n") if not line.startswith("#")]
-    names = {}
-    for line, observations in zip(lines[::2], [*lines[1::2], ""], strict=False):
-        if not line.strip():
-            continue
-        number, *_, name = line.split(maxsplit=9)
-        if (last := observations.rsplit(maxsplit=1)) and not last[-1].lstrip("-").isdigit():
-            raise ValueError(
-                f"{path.name} needs two lines for each photo, the second with its observations or "
-                f"empty, and {name.strip()} has none"
-            )
-        names[int(number)] = name.strip()
-    return names
+    observed = [line.split()[-1] for line in lines[1::2] if line.strip()]
+    if not all(last.lstrip("-").isdigit() for last in observed):
+        raise ValueError(
+            f"{path.name} needs two lines for each photo, the second with its observations or empty"
+        )
+    photos = [line.split(maxsplit=9) for line in lines[::2] if line.strip()]
+    return {int(number): name.strip() for number, *_, name in photos}
 
 
 def _check_counts(

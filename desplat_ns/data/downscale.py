@@ -30,10 +30,10 @@ class PhotoSource:
     height: int
 
 
-def downscale_factor(requested: int | float | None, frames: Sequence[Frame]) -> float:
-    """The requested factor, or nerfstudio's power of two: photos come to at most 1600 pixels."""
+def downscale_factor(requested: int | float | None, frame: Frame) -> float:
+    """The requested factor, or the power of two by which a photo comes to at most 1600 pixels."""
     if requested is None:
-        longest = max(max(frame.width, frame.height) for frame in frames)
+        longest = max(frame.width, frame.height)
         return 2.0 ** max(0, math.ceil(math.log2(longest / MAX_AUTO_RESOLUTION)))
     return float(requested)
 
@@ -55,8 +55,8 @@ def photo_sources(
     shares = ", ".join(f"1/{factor:g}" for factor in sorted(set(reduced)))
     copies = sum(not source.path.is_relative_to(images) for source in sources)
     note = (
-        f"{len(reduced)} of {len(frames)} photos are reduced to {shares} of their size while "
-        f"reading; {copies} of them are read in smaller copies beside {images}."
+        f"{len(reduced)} of {len(frames)} photos are used at {shares} of their size; "
+        f"{copies} of them are read in smaller copies beside {images}."
     )
     return sources, note if reduced else ""
 

@@ -61,15 +61,9 @@ def check_files(paths: Sequence[Path], folder: Path, what: str, option: str) -> 
         CaptureError: lists what is missing from `folder`, `what` it is, and the `option` to set.
     """
     missing = [path for path in paths if not os.path.isfile(path)]  # also of names too long
-    if not missing:
-        return
-    if not folder.is_dir():
-        raise CaptureError(f"The {what} folder {folder} does not exist. Name it with {option}.")
-    names = list_names(
-        path.relative_to(folder).as_posix() if path.is_relative_to(folder) else str(path)
-        for path in missing
-    )
-    raise CaptureError(
-        f"{len(missing)} of {len(paths)} {what} that the capture names are not in {folder}: "
-        f"{names}. Put them there, or name their folder with {option}."
-    )
+    if missing:
+        names = list_names(os.path.relpath(path, folder) for path in missing)
+        raise CaptureError(
+            f"{len(missing)} of {len(paths)} {what} that the capture names are not in {folder}: "
+            f"{names}. Put them there, or name their folder with {option}."
+        )

@@ -128,8 +128,6 @@ def read_reconstruction(data: Path, colmap_path: Path) -> Reconstruction:
     Raises:
         CaptureError: nothing there, damaged files, cameras or poses that cannot be used.
     """
-    if not data.is_dir():
-        raise CaptureError(f"The folder {data} does not exist. Give the capture's with --data.")
     folders = find_models(data, colmap_path)
     if not folders:
         raise CaptureError(
@@ -147,10 +145,9 @@ def _largest(folders: tuple[Path, ...], _states: tuple[Any, ...]) -> Reconstruct
     models = {folder: read_model(folder) for folder in folders}
     folder, model = max(models.items(), key=lambda entry: entry[1].num_reg_images())
     if len(models) > 1:
-        others = (f"{f.name}: {m.num_reg_images()}" for f, m in models.items() if f != folder)
         announce_once(
             f"Reconstruction: {folder} with {model.num_reg_images()} photos, the largest of "
-            f"{len(models)} (photos in the others: {', '.join(others)})."
+            f"{len(models)}."
         )
     images = (model.image(i) for i in sorted(model.images))
     frames = [_frame(image, folder) for image in images if image.has_pose]

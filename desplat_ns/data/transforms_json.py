@@ -69,10 +69,10 @@ def read_transforms(path: Path, with_points: bool) -> Reconstruction:
             f"The capture {folder} has no {path.name}. Check --data, or end the command with "
             f"another dataparser: `colmap --data {folder}` where COLMAP made the reconstruction."
         )
+    frames, where = [], "its head"
     try:
         document = json.loads(path.read_text("utf-8-sig"))
         head = {key: value for key, value in document.items() if key != "frames"}
-        rows = [head | row for row in document["frames"]]
         to_world = np.eye(4)
         is_old = (folder / MODEL).exists()
         applied = head.get("applied_transform", _OLD_WORLD if is_old else to_world[:3])
@@ -80,22 +80,16 @@ def read_transforms(path: Path, with_points: bool) -> Reconstruction:
         lists = {s: head.get(f"{s}_filenames") for s in ("train", "val", "test")}
         lists = {s: [_name(name, folder) for name in names] for s, names in lists.items() if names}
         cloud = folder / head["ply_file_path"] if head.get("ply_file_path") else None
+        for number, row in enumerate(document["frames"]):
+            where = f"frames[{number}]"
+            frames.append(_frame(head | row, number, path))
     except UNEXPECTED as error:
         raise CaptureError(
-            f"{path} cannot be used ({type(error).__name__}: {error}). It needs a list `frames`, "
-            "each with file_path and transform_matrix. Mend it or write it again."
+            f"{path} cannot be used: in {where}, {type(error).__name__}: {error}. It needs a list "
+            "`frames`, each with file_path, transform_matrix (rows of the camera's pose) and, in "
+            "the frame or the head, fl_x, fl_y, cx, cy, w, h in pixels as numbers; camera_angle_x "
+            "stands in for fl_x. Mend it or write it again."
         ) from error
-    frames = []
-    for number, row in enumerate(rows):
-        try:
-            frames.append(_frame(row, number, path))
-        except UNEXPECTED as error:
-            raise CaptureError(
-                f"frames[{number}] ({row.get('file_path')}) in {path} cannot be used "
-                f"({type(error).__name__}: {error}). Needed are file_path, transform_matrix (rows "
-                "of the camera's pose) and, there or in the head, fl_x, fl_y, cx, cy, w, h in "
-                "pixels as numbers; camera_angle_x stands in for fl_x. Mend the entry or remove it."
-            ) from error
     if not frames:
         raise CaptureError(f"{path} has no frames. Write it again, with a pose for each photo.")
     frames = [

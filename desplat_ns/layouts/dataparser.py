@@ -120,11 +120,10 @@ def recognise(data: Path) -> Recognition:
     Raises:
         CaptureError: no such folder, or nothing in it that is a capture.
     """
-    if not data.exists():
-        raise CaptureError(f"There is no folder {data}. Check the path after --data.")
     if not data.is_dir() and not (data.suffix == ".json" and data.is_file()):
         raise CaptureError(
-            f"{data} is a file. --data takes the folder of a capture, or its transforms.json."
+            f"There is no folder {data}. --data takes the folder of a capture, or its "
+            "transforms.json."
         )
     if not (readings := _readings(data)):
         raise CaptureError(_nothing_found(data))

@@ -41,16 +41,12 @@ class PhotoTourismDataParserConfig(OwnSplitConfig):
     this option, 0.1 where there is no split file."""
     seed: int = 0
     """Chooses the photos that --test-fraction holds out."""
-    downscale_factor: int | None = ranged(None, "[1, inf)")
-    """All photos at 1/N of their size. Without this option every photo by itself is halved until it
-    has at most 1600 pixels a side; smaller ones keep their size."""
 
 
 class PhotoTourismDataParser(DeSplatColmapDataParser):
     """See `PhotoTourismDataParserConfig`."""
 
     config: PhotoTourismDataParserConfig
-    sizes_differ = True
     split_by = "the split file, or --test-fraction and --seed"
 
     def __init__(self, config: PhotoTourismDataParserConfig):
