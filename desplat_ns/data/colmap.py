@@ -5,7 +5,6 @@ Letters in shapes: n photos, P points.
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 from functools import cached_property
@@ -95,15 +94,9 @@ class DeSplatColmapDataParser(ColmapDataParser):
         """What is known of the capture.
 
         Raises:
-            CaptureError: see `read`; or one photo twice, or no points.
+            CaptureError: see `read`; or no points.
         """
         model = self.read()
-        names = [frame.name for frame in model.frames]
-        if twice := sorted(name for name, count in Counter(names).items() if count > 1):
-            raise CaptureError(
-                f"{len(twice)} photos stand more than once in {model.folder}, each time with a "
-                f"pose: {list_names(twice)}. Leave one entry of each."
-            )
         if self.config.load_3D_points:
             is_finite = np.isfinite(model.points.xyz).all(axis=1)
             if not is_finite.any() and (len(is_finite) or not model.is_upright):
@@ -144,17 +137,16 @@ class DeSplatColmapDataParser(ColmapDataParser):
         Raises:
             CaptureError: some of them are not there.
         """
-        named = [frame.mask for frame in frames if frame.mask is not None]
         folder, option = self.config.data, "`mask_path` in every frame of transforms.json"
+        named = [frame.mask or folder / "no mask_path" / frame.name for frame in frames]
         if self.config.masks_path is not None:
             folder, option = folder / self.config.masks_path, "--masks-path"
             whole = [folder / f"{frame.name}.png" for frame in frames]
             short = [folder / Path(frame.name).with_suffix(".png") for frame in frames]
             named = [a if a.is_file() else b for a, b in zip(whole, short, strict=True)]
-        if not named:
+        elif all(frame.mask is None for frame in frames):
             return None
-        missing = [folder / frame.name for frame in frames if frame.mask is None]
-        check_files(named + missing * (len(named) < len(frames)), folder, "masks", option)
+        check_files(named, folder, "masks", option)
         return named
 
     def lists(self, names: Sequence[str]) -> Lists:

@@ -280,14 +280,8 @@ class DeSplatDataParserConfig(DataParserConfig):
     """With --eval-mode interval: every Nth photo is held out."""
     orientation_method: Literal["pca", "up", "vertical", "none"] | None = None
     """How the scene is turned upright."""
-    center_method: Literal["poses", "focus", "none"] | None = None
-    """What becomes the scene's centre."""
     auto_scale_poses: bool | None = None
     """Whether the cameras are scaled into a box from -1 to 1."""
-    scale_factor: float | None = None
-    """Scale of the cameras' positions, in addition."""
-    scene_scale: float | None = None
-    """Half the side of the scene's box, in scaled units."""
     load_3D_points: bool | None = None
     """Whether training starts from the reconstruction's points instead of random ones."""
 

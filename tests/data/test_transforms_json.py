@@ -194,12 +194,6 @@ def test_masks_are_named_by_either_key_and_in_every_frame(processed: Path, photo
         outputs_of(processed)
 
 
-def test_a_photo_in_two_frames_is_an_error(processed: Path):
-    rewrite(processed, lambda number, frame: frame.update(file_path=f"images/{number // 2}.png"))
-    with pytest.raises(CaptureError, match=r"2 photos .*0\.png, 1\.png"):
-        outputs_of(processed)
-
-
 def test_points_of_the_model_are_moved_as_the_poses_were(processed: Path, model_writer, capsys):
     model_writer(processed / "colmap" / "sparse" / "0", ["0.png", "1.png"])
     applied = [[0, 0, 1, 5], [1, 0, 0, 6], [0, 1, 0, 7]]
