@@ -18,9 +18,9 @@ from typing import Any
 
 from console import CONSOLE, DemoError, execute, printing_to, shown
 
-from desplat_ns.data.images import write_image
 from desplat_ns.errors import DeSplatError
 from desplat_ns.evaluation.pictures import Picture, over_checkerboard
+from lab.pictures import write_image
 from lab.sheet import sheet
 from lab.synthetic import Frame, Scene, SceneSpec, write_scene
 

@@ -14,7 +14,6 @@ import psutil
 import pytest
 
 from desplat_ns.data.colmap import DeSplatColmapDataParserConfig
-from desplat_ns.data.images import write_image
 from desplat_ns.data.photo_cache import SHARE, BoundedPhotos
 from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
 from desplat_ns.datamanager import DeSplatDataManager, DeSplatDataManagerConfig
@@ -23,6 +22,7 @@ from desplat_ns.report.pictures import training_photos
 from desplat_ns.runs.files import find_run
 from desplat_ns.runs.loading import load_run
 from desplat_ns.training.checkpoint import load_newest
+from lab.pictures import write_image
 from tests.helpers.lenses import BARREL, distort
 from tests.helpers.registered import set_up
 from tests.helpers.stub_run import assert_same

@@ -5,7 +5,6 @@ Letters in shapes: n photos, P points.
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 from functools import cached_property
@@ -23,19 +22,8 @@ from desplat_ns.console import announce_once, list_names
 from desplat_ns.data.downscale import PhotoSource, downscale_factor, photo_sources
 from desplat_ns.data.gt_masks import gt_masks
 from desplat_ns.data.photo_files import check_files
-from desplat_ns.data.poses import (
-    OrientedPoses,
-    make_cameras,
-    orient_poses,
-    points_metadata,
-)
-from desplat_ns.data.reconstruction import (
-    TRACKS,
-    Frame,
-    Reconstruction,
-    Tracks,
-    read_reconstruction,
-)
+from desplat_ns.data.poses import OrientedPoses, make_cameras, orient_poses, points_metadata
+from desplat_ns.data.reconstruction import Frame, Reconstruction, read_reconstruction
 from desplat_ns.data.splits import Lists, listed_photos, read_list_files
 from desplat_ns.errors import CaptureError
 from desplat_ns.settings.options import check_ranges, ranged
@@ -52,7 +40,8 @@ class DeSplatColmapDataParserConfig(ColmapDataParserConfig):
     """Reconstruction, relative to the data: a model's folder, or a folder of models (sparse/0,
     sparse/1, ...) of which the one with most photos is taken. colmap/sparse is found too."""
     downscale_factor: int | None = ranged(None, "[1, inf)")
-    """Photos at 1/N of their size. Without this option, at most 1600 pixels a side."""
+    """All photos at 1/N of their size. Without this option every photo by itself is halved until it
+    has at most 1600 pixels a side; smaller ones keep their size."""
     distractor_masks_path: Path | None = None
     """Folder of true distractor masks (white = distractor), relative to the data, if there is one.
     Evaluation compares the model's masks with them; training never sees them."""
@@ -61,6 +50,10 @@ class DeSplatColmapDataParserConfig(ColmapDataParserConfig):
 @dataclass
 class OwnSplitConfig(DeSplatColmapDataParserConfig):
     """COLMAP captures that say themselves which photos are held out."""
+
+    distractor_masks_path: Path | None = Path("masks")
+    """Folder of true distractor masks (white = distractor), relative to the data, if there is one.
+    Evaluation compares the model's masks with them; training never sees them."""
 
     eval_mode: Annotated[Literal["fraction", "filename", "interval", "all"], _Hidden] = "filename"
     """Not used: the capture decides."""
@@ -84,8 +77,6 @@ class DeSplatColmapDataParser(ColmapDataParser):
     """Reads a COLMAP capture once for all splits. See `DeSplatColmapDataParserConfig`."""
 
     config: DeSplatColmapDataParserConfig
-    sizes_differ: ClassVar[bool] = False
-    """Whether each photo is reduced by itself, and not all to the same share of their size."""
     split_by: ClassVar[str] = "--eval-mode and its numbers, or by the *_list.txt files there"
     """What says which photos are held out."""
 
@@ -103,20 +94,9 @@ class DeSplatColmapDataParser(ColmapDataParser):
         """What is known of the capture.
 
         Raises:
-            CaptureError: see `read`; or one photo only, one photo twice, or no points.
+            CaptureError: see `read`; or no points.
         """
         model = self.read()
-        names = [frame.name for frame in model.frames]
-        if len(names) < 2:
-            raise CaptureError(
-                f"The reconstruction {model.folder} has one photo only ({names[0]}); "
-                "two or more are needed, better 20. Take more and run COLMAP again."
-            )
-        if twice := sorted(name for name, count in Counter(names).items() if count > 1):
-            raise CaptureError(
-                f"{len(twice)} photos stand more than once in {model.folder}, each time with a "
-                f"pose: {list_names(twice)}. Leave one entry of each."
-            )
         if self.config.load_3D_points:
             is_finite = np.isfinite(model.points.xyz).all(axis=1)
             if not is_finite.any() and (len(is_finite) or not model.is_upright):
@@ -143,12 +123,8 @@ class DeSplatColmapDataParser(ColmapDataParser):
         Raises:
             CaptureError: photos that are not there.
         """
-        config, images, every = self.config, self.photos_folder, self.reconstruction.frames
-        requested = config.downscale_factor
-        if requested is None and self.sizes_differ:
-            factors = [downscale_factor(None, [frame]) for frame in frames]
-        else:
-            factors = [downscale_factor(requested, every)] * len(frames)
+        config, images = self.config, self.photos_folder
+        factors = [downscale_factor(config.downscale_factor, frame) for frame in frames]
         sources, note = photo_sources(images, frames, factors, config.downscale_rounding_mode)
         check_files([source.path for source in sources], images, "photos", "--images-path")
         if note:
@@ -161,17 +137,16 @@ class DeSplatColmapDataParser(ColmapDataParser):
         Raises:
             CaptureError: some of them are not there.
         """
-        named = [frame.mask for frame in frames if frame.mask is not None]
         folder, option = self.config.data, "`mask_path` in every frame of transforms.json"
+        named = [frame.mask or folder / "no mask_path" / frame.name for frame in frames]
         if self.config.masks_path is not None:
             folder, option = folder / self.config.masks_path, "--masks-path"
             whole = [folder / f"{frame.name}.png" for frame in frames]
             short = [folder / Path(frame.name).with_suffix(".png") for frame in frames]
             named = [a if a.is_file() else b for a, b in zip(whole, short, strict=True)]
-        if not named:
+        elif all(frame.mask is None for frame in frames):
             return None
-        missing = [folder / frame.name for frame in frames if frame.mask is None]
-        check_files(named + missing * (len(named) < len(frames)), folder, "masks", option)
+        check_files(named, folder, "masks", option)
         return named
 
     def lists(self, names: Sequence[str]) -> Lists:
@@ -210,7 +185,7 @@ class DeSplatColmapDataParser(ColmapDataParser):
         if config.distractor_masks_path is not None:
             metadata |= gt_masks(config.data / config.distractor_masks_path, frames)
         if config.load_3D_points and len(self.reconstruction.points.xyz):
-            metadata |= self._points_metadata(frames)
+            metadata |= points_metadata(self.reconstruction, oriented, frames)
         half = config.scene_scale
         return DataparserOutputs(
             image_filenames=[source.path for source in sources],
@@ -223,14 +198,3 @@ class DeSplatColmapDataParser(ColmapDataParser):
             ).float(),
             metadata=metadata,
         )
-
-    def _points_metadata(self, frames: Sequence[Frame]) -> dict[str, Any]:
-        """Points, and where to read which photo observes which."""
-        oriented, known = self.oriented, self.reconstruction
-        metadata, ids = points_metadata(
-            known.points, oriented.transform, oriented.scale, known.folder
-        )
-        photos = tuple(frame.image_id for frame in frames)
-        if known.has_tracks:
-            metadata[TRACKS] = Tracks(known.folder, photos, ids)
-        return metadata

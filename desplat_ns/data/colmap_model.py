@@ -6,13 +6,10 @@ import shutil
 import struct
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any
-
-import numpy as np
+from typing import TYPE_CHECKING
 
 # PIL before pycolmap: pycolmap 4.2.1 imported first corrupted the heap when PNGs were written.
 import PIL.Image  # noqa: F401
-from jaxtyping import Float, UInt8
 
 from desplat_ns.errors import CaptureError
 
@@ -97,25 +94,20 @@ def _with_points_of_ply(folder: Path, kind: str) -> pycolmap.Reconstruction:
             shutil.copy(path, place)
         Path(place, f"points3D.{kind}").write_bytes(bytes(8 * (kind == "bin")))  # there are none
         model = pycolmap.Reconstruction(place)
-    for xyz, color in zip(*read_cloud(folder / "points3D.ply"), strict=True):
-        model.add_point3D(xyz, pycolmap.Track(), color)
+    model.import_PLY(folder / "points3D.ply")
     return model
 
 
-def read_cloud(path: Path) -> tuple[Float[np.ndarray, "P 3"], UInt8[np.ndarray, "P 3"]]:
-    """Places and colours of the P points of a PLY file, grey where it has no colours.
+def read_cloud(path: Path) -> pycolmap.Reconstruction:
+    """A model with the points of a PLY file, black where it has no colours, and no photos.
 
-    By trimesh: nerfstudio's open3d takes seconds to import and needs system libraries (libusb,
-    libGL) that a bare machine lacks. Raises one of `UNEXPECTED` where it cannot be read.
+    Raises one of `UNEXPECTED` where it cannot be read.
     """
-    import trimesh  # it brings a hundred modules, which only such captures need
+    import pycolmap
 
-    cloud: Any = trimesh.load(path, process=False)
-    xyz = np.array(getattr(cloud, "vertices", ()), np.float64).reshape(-1, 3)
-    colors = cloud.colors if isinstance(cloud, trimesh.PointCloud) else None
-    if colors is None or len(colors) != len(xyz):
-        colors = np.full((len(xyz), 3), 128)
-    return xyz, np.array(colors, np.uint8)[:, :3]
+    model = pycolmap.Reconstruction()
+    model.import_PLY(path)
+    return model
 
 
 def _names_in(path: Path) -> dict[int, str]:
@@ -125,18 +117,13 @@ def _names_in(path: Path) -> dict[int, str]:
     Raises ValueError where they do not.
     """
     lines = [line for line in path.read_text("utf-8").split("\n") if not line.startswith("#")]
-    names = {}
-    for line, observations in zip(lines[::2], [*lines[1::2], ""], strict=False):
-        if not line.strip():
-            continue
-        number, *_, name = line.split(maxsplit=9)
-        if (last := observations.rsplit(maxsplit=1)) and not last[-1].lstrip("-").isdigit():
-            raise ValueError(
-                f"{path.name} needs two lines for each photo, the second with its observations or "
-                f"empty, and {name.strip()} has none"
-            )
-        names[int(number)] = name.strip()
-    return names
+    observed = [line.split()[-1] for line in lines[1::2] if line.strip()]
+    if not all(last.lstrip("-").isdigit() for last in observed):
+        raise ValueError(
+            f"{path.name} needs two lines for each photo, the second with its observations or empty"
+        )
+    photos = [line.split(maxsplit=9) for line in lines[::2] if line.strip()]
+    return {int(number): name.strip() for number, *_, name in photos}
 
 
 def _check_counts(

@@ -66,15 +66,9 @@ class CaptureDataset(InputDataset):
     def get_data(self, image_idx: int, image_type: ImageType = "float32") -> Photo:
         """`image_idx`, `image` [H, W, C] and, if the capture has masks, `mask` [H, W, 1] (bool)."""
         read = self.get_image_uint8 if image_type == "uint8" else self.get_image_float32
-        image = read(image_idx)
-        data: Photo = {"image_idx": image_idx, "image": image}
+        data: Photo = {"image_idx": image_idx, "image": read(image_idx)}
         if self._dataparser_outputs.mask_filenames is not None:
             data["mask"] = self.get_mask(image_idx)
-            if self.mask_color:
-                color = torch.tensor(self.mask_color)
-                if image_type == "uint8":
-                    color = (color * 255).round()
-                data["image"] = torch.where(data["mask"], image, color.to(image.dtype))
         data.update(self.get_metadata(data))
         return data
 
@@ -93,7 +87,10 @@ def check_size(path: Path, size: Size, camera: Size) -> None:
     Raises:
         CaptureError: names the file and both sizes.
     """
-    if _fits(size, camera):
+    # Of the longer side: the shorter one may have been rounded up to one pixel.
+    ratio = size[1] / camera[1] if camera[1] > camera[0] else size[0] / camera[0]
+    off = max(abs(size[0] / ratio - camera[0]), abs(size[1] / ratio - camera[1]))
+    if size[0] >= camera[0] and size[1] >= camera[1] and off <= SIZE_TOLERANCE + 1:
         return
     raise CaptureError(
         f"Photo {path} is {size[0]}x{size[1]} pixels, but its camera in the reconstruction is "
@@ -103,15 +100,6 @@ def check_size(path: Path, size: Size, camera: Size) -> None:
         "(`mogrify -auto-orient` turns them) and run COLMAP again, or name the folder that it was "
         "made from with --images-path."
     )
-
-
-def _fits(size: Size, camera: Size) -> bool:
-    if size[0] < camera[0] or size[1] < camera[1]:
-        return False
-    # Of the longer side: the shorter one may have been rounded up to one pixel.
-    ratio = size[1] / camera[1] if camera[1] > camera[0] else size[0] / camera[0]
-    off = max(abs(size[0] / ratio - camera[0]), abs(size[1] / ratio - camera[1]))
-    return off <= SIZE_TOLERANCE + 1
 
 
 _NUMBERS = ("fx", "fy", "cx", "cy", "width", "height")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -29,10 +30,10 @@ class PhotoSource:
     height: int
 
 
-def downscale_factor(requested: int | float | None, frames: Sequence[Frame]) -> float:
-    """The requested factor, or nerfstudio's power of two: photos come to at most 1600 pixels."""
+def downscale_factor(requested: int | float | None, frame: Frame) -> float:
+    """The requested factor, or the power of two by which a photo comes to at most 1600 pixels."""
     if requested is None:
-        longest = max(max(frame.width, frame.height) for frame in frames)
+        longest = max(frame.width, frame.height)
         return 2.0 ** max(0, math.ceil(math.log2(longest / MAX_AUTO_RESOLUTION)))
     return float(requested)
 
@@ -42,29 +43,22 @@ def photo_sources(
 ) -> tuple[list[PhotoSource], str]:
     """Files and sizes of photos, each at 1/factor of its size, and a line that says whence.
 
-    Folders beside `images` with the suffix `_factor` are used if they hold every photo that is
-    reduced, at that size (`SIZE_TOLERANCE`). Otherwise the photos in `images` are named with the
-    reduced size. Nothing is written.
+    A photo that is reduced is read from the folder beside `images` with the suffix `_factor`, if it
+    is there at that size (`SIZE_TOLERANCE`), else from `images`. Nothing is written.
     """
-    sources, copies, folders = [], [], {}
+    sources = []
     for frame, factor in zip(frames, factors, strict=True):
         sides = (reduced_length(side, factor, rounding) for side in (frame.width, frame.height))
-        sources.append(PhotoSource(images / frame.name, *sides))
-        if factor > 1:
-            folder = folders.setdefault(factor, images.parent / f"{images.name}_{factor:g}")
-            copies.append(_copy_of(folder / frame.name, frame, factor))
-    if not copies:
-        return sources, ""
-    found, places = len(copies) - copies.count(None), ", ".join(map(str, folders.values()))
-    what = f"{len(copies)} of {len(frames)} photos are"
-    if found == len(copies):
-        taken = iter(copies)
-        pairs = zip(sources, factors, strict=True)
-        sources = [next(taken) if factor > 1 else source for source, factor in pairs]
-        return sources, f"{what} read in smaller copies from {places}."
-    shares = ", ".join(f"1/{factor:g}" for factor in sorted(folders))
-    note = f" ({places} has {found})" if any(map(Path.is_dir, folders.values())) else ""
-    return sources, f"{what} reduced to {shares} of their size while reading{note}."
+        whole = PhotoSource(images / frame.name, *sides)
+        sources.append(_copy_of(images, frame, factor) or whole)
+    reduced = [factor for factor in factors if factor > 1]
+    shares = ", ".join(f"1/{factor:g}" for factor in sorted(set(reduced)))
+    copies = sum(not source.path.is_relative_to(images) for source in sources)
+    note = (
+        f"{len(reduced)} of {len(frames)} photos are used at {shares} of their size; "
+        f"{copies} of them are read in smaller copies beside {images}."
+    )
+    return sources, note if reduced else ""
 
 
 def reduced_length(length: int, factor: int | float, rounding: Rounding) -> int:
@@ -74,9 +68,10 @@ def reduced_length(length: int, factor: int | float, rounding: Rounding) -> int:
     return max(1, rounded[rounding](exact))
 
 
-def _copy_of(path: Path, frame: Frame, factor: int | float) -> PhotoSource | None:
-    """The reduced copy at `path`, if it is there and of the size that it should have."""
-    if not path.is_file():
+def _copy_of(images: Path, frame: Frame, factor: int | float) -> PhotoSource | None:
+    """The reduced copy of a photo, if it is there and of the size that it should have."""
+    path = images.with_name(f"{images.name}_{factor:g}") / frame.name
+    if factor <= 1 or not os.path.isfile(path):
         return None
     width, height = image_size(path, (frame.width, frame.height))
     off = max(abs(width - frame.width / factor), abs(height - frame.height / factor))

@@ -1,4 +1,4 @@
-"""Photos in, pictures out: upright, 8 bit, RGB or RGBA; and what files say of their lens.
+"""Photos as pixels: upright, 8 bit, RGB or RGBA; and what files say of their lens.
 
 By Pillow; HEIC, in which iPhones keep photos, needs pillow-heif, an extra.
 
@@ -7,19 +7,16 @@ Letters in shapes: H x W pixels, C channels.
 
 from __future__ import annotations
 
-from io import BytesIO
+from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float, UInt8
+from jaxtyping import Bool, UInt8
 from PIL import ExifTags, Image, ImageOps, UnidentifiedImageError
 
-from desplat_ns.errors import CaptureError, DeSplatError
-
-_HEIC_BRANDS = {b"heic", b"heix", b"heim", b"heis", b"hevc", b"mif1", b"msf1"}
-"""Of ISO 23008-12, at the beginning of a file, whatever it is called."""
+from desplat_ns.errors import CaptureError
 
 MOST_PIXELS = 1 << 28
 """Of a photo, 16,384 x 16,384; one whose header says more is not decoded."""
@@ -125,31 +122,6 @@ def resize_mask(mask: Bool[np.ndarray, "H W"], width: int, height: int) -> Bool[
     return area >= 0.5
 
 
-def write_image(
-    path: Path,
-    image: UInt8[np.ndarray, "H W *C"] | Bool[np.ndarray, "H W *C"] | Float[np.ndarray, "H W *C"],
-) -> None:
-    """Write a picture in the format that the file name asks for; makes missing folders.
-
-    Booleans become 0 and 255; floats in [0, 1] are rounded to 8 bits.
-
-    Raises:
-        DeSplatError: it cannot be written there, or nothing knows the format.
-    """
-    pixels = image if image.dtype == np.uint8 else _to_uint8(image.astype(np.float32))
-    try:
-        kind, content = Image.registered_extensions()[path.suffix.lower()], BytesIO()
-        single = pixels.ndim == 3 and pixels.shape[2] == 1
-        Image.fromarray(pixels[..., 0] if single else pixels).save(content, kind, quality=98)
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(content.getvalue())  # a disk that is full is noticed here
-    except (OSError, LookupError, ValueError) as error:
-        raise DeSplatError(
-            f"Picture {path} cannot be written: {error}. Needed: a folder that may be written, "
-            "free space, and a file name that ends in a known format such as .png."
-        ) from error
-
-
 def _open(path: Path) -> Image.Image:
     """The file, not decoded yet. Raises CaptureError."""
     if not path.is_file():
@@ -157,21 +129,15 @@ def _open(path: Path) -> Image.Image:
             f"Image {path} does not exist. Check --data and the images folder, or remove the image "
             "from the reconstruction."
         )
-    with path.open("rb") as file:
-        begins = file.read(12)
-    if begins[4:8] == b"ftyp" and begins[8:12] in _HEIC_BRANDS:
-        try:
-            import pillow_heif
-        except ImportError as error:
-            raise CaptureError(
-                f"Image {path} is HEIC, as iPhones write it. To read it: pip install pillow-heif. "
-                "Or convert the photos to JPEG."
-            ) from error
+    with suppress(ImportError):
+        import pillow_heif
+
         pillow_heif.register_heif_opener()
     try:
         return Image.open(path)
     except UnidentifiedImageError as error:
-        raise _unreadable(path, "it is no image of a known format, or is damaged") from error
+        problem = "it is damaged, or of another format (HEIC needs `pip install pillow-heif`)"
+        raise _unreadable(path, problem) from error
     except Exception as error:  # damage ends in errors of many kinds
         raise _unreadable(path, str(error)) from error
 
@@ -194,7 +160,3 @@ def _orientation(image: Image.Image, camera: tuple[int, int] | None) -> int:
     if orientation not in range(2, 9) or is_camera or (camera and orientation < 5):
         return 1
     return orientation
-
-
-def _to_uint8(values: np.ndarray) -> np.ndarray:
-    return np.rint(np.nan_to_num(values).clip(0.0, 1.0) * 255.0).astype(np.uint8)

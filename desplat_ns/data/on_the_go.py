@@ -41,7 +41,6 @@ class OnTheGoDataParser(DeSplatColmapDataParser):
     """See `OnTheGoDataParserConfig`. Of a COLMAP model and transforms.json it takes the model,
     which has points to start from."""
 
-    config: OnTheGoDataParserConfig
     split_by = f"{SPLIT_FILE}: `clutter` trains, `extra` is held out"
 
     def lists(self, names: Sequence[str]) -> Lists:

@@ -49,12 +49,9 @@ def photos_near(folder: Path) -> list[str]:
 
 def downscale_factors(images: Path) -> list[int]:
     """The N of folders such as `images_2`, `images_4` beside `images`, ascending."""
-    matches = (
-        re.fullmatch(re.escape(images.name) + r"_([1-9]\d*)", path.name)
-        for path in (images.parent.iterdir() if images.parent.is_dir() else ())
-        if path.is_dir()
-    )
-    return sorted(int(match[1]) for match in matches if match is not None)
+    copies = [path for path in images.parent.glob(f"{images.name}_*") if path.is_dir()]
+    numbers = (path.name.removeprefix(f"{images.name}_") for path in copies)
+    return sorted(int(number) for number in numbers if re.fullmatch(r"[1-9]\d*", number))
 
 
 def check_files(paths: Sequence[Path], folder: Path, what: str, option: str) -> None:
@@ -63,16 +60,10 @@ def check_files(paths: Sequence[Path], folder: Path, what: str, option: str) -> 
     Raises:
         CaptureError: lists what is missing from `folder`, `what` it is, and the `option` to set.
     """
-    missing = [path for path in paths if not path.is_file()]
-    if not missing:
-        return
-    if not folder.is_dir():
-        raise CaptureError(f"The {what} folder {folder} does not exist. Name it with {option}.")
-    names = list_names(
-        path.relative_to(folder).as_posix() if path.is_relative_to(folder) else str(path)
-        for path in missing
-    )
-    raise CaptureError(
-        f"{len(missing)} of {len(paths)} {what} that the capture names are not in {folder}: "
-        f"{names}. Put them there, or name their folder with {option}."
-    )
+    missing = [path for path in paths if not os.path.isfile(path)]  # also of names too long
+    if missing:
+        names = list_names(os.path.relpath(path, folder) for path in missing)
+        raise CaptureError(
+            f"{len(missing)} of {len(paths)} {what} that the capture names are not in {folder}: "
+            f"{names}. Put them there, or name their folder with {option}."
+        )

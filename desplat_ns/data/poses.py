@@ -1,18 +1,17 @@
 """From a reconstruction's frames and points to the cameras and points that training uses.
 
-Letters in shapes: n photos, P points.
+Letters in shapes: n photos.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Float
 from nerfstudio.cameras import camera_utils
 from nerfstudio.cameras.cameras import Cameras
 from nerfstudio.data.dataparsers.colmap_dataparser import ColmapDataParserConfig
@@ -20,7 +19,7 @@ from torch import Tensor
 
 from desplat_ns.console import announce_once
 from desplat_ns.data.downscale import PhotoSource
-from desplat_ns.data.reconstruction import Frame, Points, Reconstruction
+from desplat_ns.data.reconstruction import TRACKS, Frame, Reconstruction, Tracks
 from desplat_ns.errors import CaptureError
 
 
@@ -77,26 +76,27 @@ def camera_to_worlds(frames: Sequence[Frame]) -> Float[np.ndarray, "n 4 4"]:
 
 
 def points_metadata(
-    points: Points, transform: Float[Tensor, "3 4"], scale: float, source: Path
-) -> tuple[dict[str, Any], Int[np.ndarray, " P"]]:
-    """Points in the oriented, scaled world, under the keys that nerfstudio's models read, and their
-    ids; without those whose place is not finite, of which it is said how many.
-
-    Args:
-        transform: before scaling.
-        source: where they were read.
-    """
+    known: Reconstruction, oriented: OrientedPoses, frames: Sequence[Frame]
+) -> dict[str, Any]:
+    """Points in the oriented, scaled world, under the keys that nerfstudio's models read, and where
+    to read which of these photos observes which; without those whose place is not finite, of which
+    it is said how many."""
+    points, transform = known.points, oriented.transform
     xyz = torch.from_numpy(points.xyz) @ transform[:, :3].T + transform[:, 3]
-    xyz = (scale * xyz).float()
+    xyz = (oriented.scale * xyz).float()
     keep = xyz.isfinite().all(dim=-1)
     if not bool(keep.all()):
         announce_once(
-            f"{int((~keep).sum())} of {len(xyz)} points in {source} have NaN, infinite or too "
-            "large coordinates and are left out.",
+            f"{int((~keep).sum())} of {len(xyz)} points in {known.folder} have NaN, infinite or "
+            "too large coordinates and are left out.",
             warning=True,
         )
-    rgb = torch.from_numpy(points.rgb)[keep]
-    return {"points3D_xyz": xyz[keep], "points3D_rgb": rgb}, points.ids[keep.numpy()]
+    metadata: dict[str, Any] = {"points3D_xyz": xyz[keep]}
+    metadata["points3D_rgb"] = torch.from_numpy(points.rgb)[keep]
+    if known.has_tracks:
+        photos = tuple(frame.image_id for frame in frames)
+        metadata[TRACKS] = Tracks(known.folder, photos, points.ids[keep.numpy()])
+    return metadata
 
 
 def make_cameras(

@@ -24,23 +24,12 @@ from desplat_ns.errors import CaptureError
 if TYPE_CHECKING:
     import pycolmap
 
-CAMERA_TYPES = {
-    "SIMPLE_PINHOLE": CameraType.PERSPECTIVE,
-    "PINHOLE": CameraType.PERSPECTIVE,
-    "SIMPLE_RADIAL": CameraType.PERSPECTIVE,
-    "RADIAL": CameraType.PERSPECTIVE,
-    "OPENCV": CameraType.PERSPECTIVE,
-    "OPENCV_FISHEYE": CameraType.FISHEYE,
-    "SIMPLE_RADIAL_FISHEYE": CameraType.FISHEYE,
-    "RADIAL_FISHEYE": CameraType.FISHEYE,
-}
+CAMERA_MODELS = ("SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV")
+FISHEYE_MODELS = ("OPENCV_FISHEYE", "SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE")
 """COLMAP's camera models that nerfstudio can undistort."""
 
 LARGEST_SIDE = 1 << 16
 """Pixels. No photo has a longer side; a camera that says so is damaged."""
-
-LONGEST_NAME = 255
-"""Bytes of a file's name on usual disks."""
 
 TRACKS = "point_tracks"
 """Where a data parser leaves a `Tracks` in its metadata, beside `points3D_xyz`."""
@@ -139,8 +128,6 @@ def read_reconstruction(data: Path, colmap_path: Path) -> Reconstruction:
     Raises:
         CaptureError: nothing there, damaged files, cameras or poses that cannot be used.
     """
-    if not data.is_dir():
-        raise CaptureError(f"The folder {data} does not exist. Give the capture's with --data.")
     folders = find_models(data, colmap_path)
     if not folders:
         raise CaptureError(
@@ -158,10 +145,9 @@ def _largest(folders: tuple[Path, ...], _states: tuple[Any, ...]) -> Reconstruct
     models = {folder: read_model(folder) for folder in folders}
     folder, model = max(models.items(), key=lambda entry: entry[1].num_reg_images())
     if len(models) > 1:
-        others = (f"{f.name}: {m.num_reg_images()}" for f, m in models.items() if f != folder)
         announce_once(
             f"Reconstruction: {folder} with {model.num_reg_images()} photos, the largest of "
-            f"{len(models)} (photos in the others: {', '.join(others)})."
+            f"{len(models)}."
         )
     images = (model.image(i) for i in sorted(model.images))
     frames = [_frame(image, folder) for image in images if image.has_pose]
@@ -170,14 +156,18 @@ def _largest(folders: tuple[Path, ...], _states: tuple[Any, ...]) -> Reconstruct
             f"The reconstruction {folder} has no photo with a pose. Run COLMAP's mapper again, or "
             "name another reconstruction with --colmap-path."
         )
+    has_tracks = any(point.track.length() for point in model.points3D.values())
+    return Reconstruction(folder, frames, points_of(model), has_tracks)
+
+
+def points_of(model: pycolmap.Reconstruction) -> Points:
+    """The points of a model."""
     by_id = dict(sorted(model.points3D.items()))
-    points = Points(
+    return Points(
         xyz=np.array([point.xyz for point in by_id.values()], dtype=np.float64).reshape(-1, 3),
         rgb=np.array([point.color for point in by_id.values()], dtype=np.uint8).reshape(-1, 3),
         ids=np.array(list(by_id), dtype=np.int64),
     )
-    has_tracks = any(point.track.length() for point in by_id.values())
-    return Reconstruction(folder, frames, points, has_tracks)
 
 
 def _frame(image: pycolmap.Image, folder: Path) -> Frame:
@@ -206,13 +196,13 @@ def camera_type_of(model: str, photo: str, source: Path) -> CameraType:
     Raises:
         CaptureError: a model that cannot be undistorted.
     """
-    if model not in CAMERA_TYPES:
+    if model not in CAMERA_MODELS + FISHEYE_MODELS:
         raise CaptureError(
             f"The camera of photo {photo} in {source} has the model {model}; supported are "
-            f"{', '.join(CAMERA_TYPES)}. Undistort the photos first: `colmap image_undistorter "
-            "--image_path IMAGES --input_path MODEL --output_path OUT`."
+            f"{', '.join(CAMERA_MODELS + FISHEYE_MODELS)}. Undistort the photos first: `colmap "
+            "image_undistorter --image_path IMAGES --input_path MODEL --output_path OUT`."
         )
-    return CAMERA_TYPES[model]
+    return CameraType.FISHEYE if model in FISHEYE_MODELS else CameraType.PERSPECTIVE
 
 
 def check_frame(frame: Frame, source: Path) -> None:
@@ -225,24 +215,19 @@ def check_frame(frame: Frame, source: Path) -> None:
     with np.errstate(over="ignore"):
         numbers = np.array([*frame.world_to_camera.flat, *lens.values()]).astype(np.float32)
     inside = max(abs(lens["cx"]), abs(lens["cy"]), *sides) <= LARGEST_SIDE
-    if not (np.isfinite(numbers).all() and inside and min(lens["fx"], lens["fy"], *sides) > 0):
+    bent = frame.camera_type is CameraType.PERSPECTIVE and lens.get("k4")
+    is_possible = np.isfinite(numbers).all() and inside and not bent
+    if not (is_possible and min(lens["fx"], lens["fy"], *sides) > 0):
         raise CaptureError(
             f"Photo {name} in {source} has a pose or a camera that cannot be: {sides[0]}x{sides[1]}"
             f" pixels, {lens}. Needed are finite numbers, focal lengths above 0, sides and a "
-            f"principal point of at most {LARGEST_SIDE} pixels. Remove the photo there, or make "
-            "the reconstruction again."
+            f"principal point of at most {LARGEST_SIDE} pixels, and k4 of a fisheye only, as of "
+            "OPENCV_FISHEYE. Remove the photo there, or make the reconstruction again."
         )
-    if frame.camera_type is CameraType.PERSPECTIVE and frame.intrinsics.get("k4"):
+    if re.search(r"[\ud800-\udfff]", name):
         raise CaptureError(
-            f"The camera of photo {name} in {source} has k4, which only a fisheye has. Name its "
-            'model, "camera_model": "OPENCV_FISHEYE", or undistort the photos first.'
-        )
-    longest = max(len(part.encode(errors="replace")) for part in name.split("/"))
-    if longest > LONGEST_NAME or re.search(r"[\x00-\x1f\ud800-\udfff]", name):
-        raise CaptureError(
-            f"A photo in {source} has the name {name[:80]!a}, which no file can have here: it "
-            f"holds a control character, no UTF-8, or a part of more than {LONGEST_NAME} bytes "
-            f"({longest}). Rename the photo there and in its folder."
+            f"A photo in {source} has the name {name!a}, which is no UTF-8. Rename the photo there "
+            "and in its folder."
         )
 
 

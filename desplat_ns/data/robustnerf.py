@@ -11,15 +11,12 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal
 
 from nerfstudio.plugins.registry_dataparser import DataParserSpecification
 
 from desplat_ns.data.colmap import DeSplatColmapDataParser, OwnSplitConfig
 from desplat_ns.data.splits import Lists, shuffled, two_lists
 from desplat_ns.settings.options import ranged
-
-Kind = Literal["clean", "clutter", "extra"]
 
 
 @dataclass
@@ -32,9 +29,6 @@ class RobustNerfDataParserConfig(OwnSplitConfig):
     once, this fraction of them cluttered. Photos with `extra` in the file name are held out."""
     seed: int = 0
     """Chooses which viewpoints are cluttered."""
-    distractor_masks_path: Path | None = Path("masks")
-    """Folder of true distractor masks (white = distractor), relative to the data, if there is one.
-    Evaluation compares the model's masks with them; training never sees them."""
 
 
 class RobustNerfDataParser(DeSplatColmapDataParser):
@@ -50,8 +44,8 @@ class RobustNerfDataParser(DeSplatColmapDataParser):
         return two_lists(train, [name for name in names if kind_of(name) == "extra"], config.data)
 
 
-def kind_of(name: str) -> Kind:
-    """What a photo shows, from its file name; upper and lower case are the same."""
+def kind_of(name: str) -> str:
+    """What a photo shows, from its file name, in any case: clean, clutter or extra."""
     stem = Path(name).stem.lower()
     if "extra" in stem:
         return "extra"
@@ -76,7 +70,7 @@ def names_by_ratio(names: Sequence[str], ratio: float, seed: int) -> list[str]:
     round((1 - ratio) * n) of the clean ones are taken. The order in which viewpoints turn cluttered
     depends on `seed` alone: a larger ratio keeps those of a smaller one.
     """
-    groups: dict[Kind, dict[str, list[str]]] = {"clean": {}, "clutter": {}, "extra": {}}
+    groups: dict[str, dict[str, list[str]]] = {"clean": {}, "clutter": {}, "extra": {}}
     for name in names:
         groups[kind_of(name)].setdefault(viewpoint_of(name), []).append(name)
     clean, clutter = groups["clean"], groups["clutter"]

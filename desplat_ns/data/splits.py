@@ -54,10 +54,16 @@ def listed_photos(names: Sequence[str], wanted: Sequence[str], source: Path | st
     """Indices of the wanted photos among `names`, ascending. Says which are left out, as they have
     no pose or a file name that several photos have.
 
+    An entry is the path inside the images folder or, where no path is so, the file name.
+
     Args:
         source: what lists them.
     """
-    found = find_photos(names, wanted)
+    places: dict[str, list[int]] = {}
+    for i, name in enumerate(names):
+        places.setdefault(PurePosixPath(name).name, []).append(i)
+    places |= {name: [i] for i, name in enumerate(names)}
+    found = [places.get(entry, []) for entry in wanted]
     if missing := [name for name, at in zip(wanted, found, strict=True) if len(at) != 1]:
         announce_once(
             f"{len(missing)} of {len(wanted)} photos that {source} lists have no pose, or a name "
@@ -65,16 +71,6 @@ def listed_photos(names: Sequence[str], wanted: Sequence[str], source: Path | st
             warning=True,
         )
     return sorted({at[0] for at in found if len(at) == 1})
-
-
-def find_photos(names: Sequence[str], wanted: Sequence[str]) -> list[list[int]]:
-    """Indices of the photos that each entry means: the path inside the images folder or, where no
-    path is so, the file name."""
-    places: dict[str, list[int]] = {}
-    for i, name in enumerate(names):
-        places.setdefault(PurePosixPath(name).name, []).append(i)
-    places |= {name: [i] for i, name in enumerate(names)}
-    return [places.get(entry, []) for entry in wanted]
 
 
 def shuffled(keys: Iterable[str], seed: int) -> list[str]:

@@ -7,34 +7,36 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 from nerfstudio.data.dataparsers.nerfstudio_dataparser import NerfstudioDataParserConfig
 
 from desplat_ns.console import announce_once
 from desplat_ns.data.colmap import DeSplatColmapDataParser, with_pycolmap
-from desplat_ns.data.colmap_model import UNEXPECTED, find_models, read_cloud
+from desplat_ns.data.colmap_model import UNEXPECTED, read_cloud
 from desplat_ns.data.images import image_size
-from desplat_ns.data.poses import camera_to_worlds
 from desplat_ns.data.reconstruction import (
     Frame,
     Points,
     Reconstruction,
     camera_type_of,
     check_frame,
+    points_of,
     read_reconstruction,
 )
-from desplat_ns.data.splits import find_photos
 from desplat_ns.errors import CaptureError
 
 _NO_POINTS = Points(np.zeros((0, 3)), np.zeros((0, 3), np.uint8), np.zeros(0, np.int64))
 
 _OLD_WORLD = np.array([[0, 1, 0, 0], [1, 0, 0, 0], [0, 0, -1, 0]])
 """From COLMAP's world to that of an old ns-process-data, which did not write it."""
+
+MODEL = Path("colmap/sparse/0")
+"""Where ns-process-data leaves COLMAP's model."""
 
 _LENS = ("k1", "k2", "k3", "k4", "p1", "p2")
 
@@ -43,7 +45,7 @@ class TransformsDataParser(DeSplatColmapDataParser):
     """nerfstudio's `nerfstudio-data`, read as COLMAP captures are: it asks and writes nothing."""
 
     def __init__(self, config: NerfstudioDataParserConfig):
-        data, self._mask_color = config.data, config.mask_color
+        data = config.data
         self._path = data if data.suffix == ".json" else data / "transforms.json"
         super().__init__(with_pycolmap(config, data=self._path.parent))
 
@@ -51,15 +53,10 @@ class TransformsDataParser(DeSplatColmapDataParser):
         """Raises as `read_transforms`."""
         return read_transforms(self._path, self.config.load_3D_points)
 
-    def _generate_dataparser_outputs(self, split: str = "train", **kwargs: Any):
-        outputs = super()._generate_dataparser_outputs(split, **kwargs)
-        outputs.metadata["mask_color"] = self._mask_color
-        return outputs
-
 
 def read_transforms(path: Path, with_points: bool) -> Reconstruction:
-    """Photos in the order of their names; points of the file's PLY, else of a COLMAP model of the
-    same photos, moved to their poses here.
+    """Photos in the order of their names; points of the file's PLY, else of the COLMAP model that
+    ns-process-data made it of, moved as it moved the poses.
 
     A frame's own numbers come before those of the head.
 
@@ -72,33 +69,27 @@ def read_transforms(path: Path, with_points: bool) -> Reconstruction:
             f"The capture {folder} has no {path.name}. Check --data, or end the command with "
             f"another dataparser: `colmap --data {folder}` where COLMAP made the reconstruction."
         )
+    frames, where = [], "its head"
     try:
         document = json.loads(path.read_text("utf-8-sig"))
         head = {key: value for key, value in document.items() if key != "frames"}
-        rows = [head | row for row in document["frames"]]
         to_world = np.eye(4)
-        is_old = (folder / "colmap/sparse/0").exists()
+        is_old = (folder / MODEL).exists()
         applied = head.get("applied_transform", _OLD_WORLD if is_old else to_world[:3])
         to_world[:3] = np.array(applied, np.float64)[:3] * float(head.get("applied_scale", 1))
         lists = {s: head.get(f"{s}_filenames") for s in ("train", "val", "test")}
         lists = {s: [_name(name, folder) for name in names] for s, names in lists.items() if names}
         cloud = folder / head["ply_file_path"] if head.get("ply_file_path") else None
+        for number, row in enumerate(document["frames"]):
+            where = f"frames[{number}]"
+            frames.append(_frame(head | row, number, path))
     except UNEXPECTED as error:
         raise CaptureError(
-            f"{path} cannot be used ({type(error).__name__}: {error}). It needs a list `frames`, "
-            "each with file_path and transform_matrix. Mend it or write it again."
+            f"{path} cannot be used: in {where}, {type(error).__name__}: {error}. It needs a list "
+            "`frames`, each with file_path, transform_matrix (rows of the camera's pose) and, in "
+            "the frame or the head, fl_x, fl_y, cx, cy, w, h in pixels as numbers; camera_angle_x "
+            "stands in for fl_x. Mend it or write it again."
         ) from error
-    frames = []
-    for number, row in enumerate(rows):
-        try:
-            frames.append(_frame(row, number, path))
-        except UNEXPECTED as error:
-            raise CaptureError(
-                f"frames[{number}] ({row.get('file_path')}) in {path} cannot be used "
-                f"({type(error).__name__}: {error}). Needed are file_path, transform_matrix (rows "
-                "of the camera's pose) and, there or in the head, fl_x, fl_y, cx, cy, w, h in "
-                "pixels as numbers; camera_angle_x stands in for fl_x. Mend the entry or remove it."
-            ) from error
     if not frames:
         raise CaptureError(f"{path} has no frames. Write it again, with a pose for each photo.")
     frames = [
@@ -114,7 +105,7 @@ def read_transforms(path: Path, with_points: bool) -> Reconstruction:
     return Reconstruction(
         folder=folder,
         frames=frames,
-        points=_points(cloud, folder, frames) if with_points else _NO_POINTS,
+        points=_points(cloud, folder, to_world) if with_points else _NO_POINTS,
         photos=folder / top,
         is_upright=True,
         orientation=head.get("orientation_override"),
@@ -170,42 +161,20 @@ def _frame(row: dict[str, Any], number: int, path: Path) -> Frame:
     return frame
 
 
-def _points(cloud: Path | None, folder: Path, frames: Sequence[Frame]) -> Points:
+def _points(cloud: Path | None, folder: Path, to_world: Float[np.ndarray, "4 4"]) -> Points:
     """The points to start from; none where nothing gives them, which is said."""
-    points, why = _NO_POINTS, f"{folder} names no 3D points"
+    points = _NO_POINTS
     if cloud is not None:
         try:
-            xyz, rgb = read_cloud(cloud)
+            points = points_of(read_cloud(cloud))
         except UNEXPECTED as error:
             raise CaptureError(
                 f"The point cloud {cloud} cannot be read: {error}. Put it there, or take "
                 f"ply_file_path out of transforms.json."
             ) from error
-        points = Points(xyz, rgb, np.arange(len(xyz)))
-    elif find_models(folder, Path("colmap/sparse/0")):
-        model = read_reconstruction(folder, Path("colmap/sparse/0"))
-        points = _moved(model, frames)
-        why = f"The points of {model.folder} do not fit the poses of transforms.json"
+    elif (folder / MODEL).is_dir():
+        points = read_reconstruction(folder, MODEL).points
+        points = replace(points, xyz=points.xyz @ to_world[:3, :3].T + to_world[:3, 3])
     if not len(points.xyz):
-        announce_once(f"{why}: training starts at random.", warning=True)
+        announce_once(f"{folder} names no 3D points: training starts at random.", warning=True)
     return points
-
-
-def _moved(model: Reconstruction, frames: Sequence[Frame]) -> Points:
-    """A model's points, turned, scaled and moved so that its photos stand where the frames stand;
-    none where no such motion fits, or less than two photos are in both."""
-    found = find_photos([f.name for f in model.frames], [frame.name for frame in frames])
-    pairs = [(model.frames[at[0]], frames[i]) for i, at in enumerate(found) if len(at) == 1]
-    if len(pairs) < 2:
-        return _NO_POINTS
-    theirs, ours = (camera_to_worlds([pair[side] for pair in pairs]) for side in (0, 1))
-    u, _, vt = np.linalg.svd((ours[:, :3, :3] @ theirs[:, :3, :3].transpose(0, 2, 1)).sum(axis=0))
-    turn = u @ np.diag([1, 1, np.linalg.det(u @ vt)]) @ vt
-    middle, target = theirs[:, :3, 3].mean(axis=0), ours[:, :3, 3].mean(axis=0)
-    before, after = (theirs[:, :3, 3] - middle) @ turn.T, ours[:, :3, 3] - target
-    scale = (before * after).sum() / max((before**2).sum(), 1e-300)
-    off = np.linalg.norm(scale * before - after) / max(np.linalg.norm(after), 1e-300)
-    turned = np.abs(turn @ theirs[:, :3, :3] - ours[:, :3, :3]).max()
-    if not (off < 0.1 and turned < 0.2 and scale > 0):
-        return _NO_POINTS
-    return replace(model.points, xyz=scale * (model.points.xyz - middle) @ turn.T + target)

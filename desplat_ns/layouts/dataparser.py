@@ -6,9 +6,8 @@ To add a layout, write what finds it and enter it in `LAYOUTS`, before those tha
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, Literal
@@ -31,75 +30,64 @@ from desplat_ns.data.photo_files import downscale_factors, photo_names, photos_n
 from desplat_ns.data.robustnerf import RobustNerfDataParserConfig, describe
 from desplat_ns.data.transforms_json import TransformsDataParser
 from desplat_ns.errors import CaptureError, ConfigError
-from desplat_ns.photo_tourism.dataparser import (
-    ROOTS,
-    PhotoTourismDataParserConfig,
-    split_folders,
-)
+from desplat_ns.photo_tourism.dataparser import DENSE, PhotoTourismDataParserConfig, split_folders
 from desplat_ns.photo_tourism.split_file import split_files
 from desplat_ns.settings.options import option_of
 
 IMAGES = DeSplatColmapDataParserConfig().images_path
 """Folder of the photos; beside it, `images_N` has copies at 1/N of their size."""
 
-BLENDER_FILES = tuple(f"transforms_{split}.json" for split in ("train", "val", "test"))
-"""What nerfstudio's blender-data reads."""
-
 SPLIT_OPTIONS = ("eval_mode", "train_split_fraction", "eval_interval")
 """Options without a meaning where the layout itself says which photos are held out."""
 
-
-@dataclass(frozen=True)
-class Evidence:
-    """Why a folder is taken for a layout."""
-
-    summary: str
-    """What lies there, as part of a sentence."""
-    options: Mapping[str, Any] = field(default_factory=dict)
-    """Options of the dataparser that it calls for."""
-    covers: tuple[str, ...] = ()
-    """Dataparsers that could read the same photos and would know less about them."""
+NEEDED = (
+    "images/, or images_2, images_4, ..., and a COLMAP model (cameras, images and points3D as .bin "
+    "or .txt) in sparse/0, sparse or colmap/sparse/0; or dense/images and dense/sparse; or "
+    "transforms.json; or transforms_train.json, transforms_val.json and transforms_test.json, each "
+    "with camera_angle_x, and X.png for each file_path X (where they have nerfstudio's fields, "
+    "name one of them itself)"
+)
+"""What a capture has, whatever its layout."""
 
 
-@dataclass(frozen=True)
-class Layout:
-    """A way in which captures lie on disk."""
-
-    name: str
-    needs: str
-    """What has to lie in the folder."""
-    parser: str
-    """Name of the dataparser in ns-train."""
-    config: Callable[..., Any]
-    """Makes the dataparser's configuration from its options."""
-    find: Callable[[Path], Evidence | None]
-    """None if the folder has another layout."""
+Found = tuple[str, str, dict[str, Any]]
+"""Where the poses are and what lies there, as parts of a sentence; the options of the dataparser
+that it calls for."""
 
 
 @dataclass(frozen=True)
 class Recognition:
-    """What lies in a capture's folder and how it is read."""
+    """A layout that a capture's folder has, and how it is read."""
 
     data: Path
-    layout: Layout
-    evidence: Evidence
+    layout: str
+    parser: str
+    """Name of the dataparser in ns-train."""
+    parser_config: Callable[..., Any]
+    """Makes the dataparser's configuration from its options."""
+    poses: str
+    """Where they are."""
+    summary: str
+    """What lies there, as part of a sentence."""
+    options: Mapping[str, Any]
+    """Options of the dataparser that it calls for."""
     others: tuple[Recognition, ...] = ()
-    """Other readings that see other photos or poses."""
+    """Other readings that see other poses."""
 
     @property
     def words(self) -> tuple[str, ...]:
         """What names this reading at the end of an ns-train command."""
-        options = self.evidence.options.items()
+        options = self.options.items()
         words = [word for name, value in options for word in (option_of(name), str(value))]
-        return (self.layout.parser, *words)
+        return (self.parser, *words)
 
     def line(self) -> str:
         """What was found, what reads it, and what to type for another reading."""
         return (
-            f"Capture {self.data} has the layout of {self.layout.name}: {self.evidence.summary}. "
-            f"It is read by {self.layout.parser}."
+            f"Capture {self.data} has the layout of {self.layout}: {self.summary}. "
+            f"It is read by {self.parser}."
         ) + "".join(
-            f" Also found: {other.evidence.summary}; to read that instead, end the command "
+            f" Also found: {other.summary}; to read that instead, end the command "
             f"with `{' '.join(other.words)}`."
             for other in self.others
         )
@@ -113,18 +101,17 @@ class Recognition:
         Raises:
             ConfigError: options that this layout has no use for.
         """
-        layout = self.layout
-        default = layout.config()
+        default = self.parser_config()
         useful = {f.name for f in fields(default)}
         useful -= set(SPLIT_OPTIONS) if isinstance(default, OwnSplitConfig) else set()
         if useless := [name for name in options if name not in useful]:
             given = " ".join(f"{option_of(name)} {options[name]}" for name in useless)
             raise ConfigError(
-                f"{given} has no use here: {self.data} has the layout of {layout.name}. Leave it "
-                f"out, or name another dataparser, as in `colmap {given}`. `{layout.parser} --help`"
+                f"{given} has no use here: {self.data} has the layout of {self.layout}. Leave it "
+                f"out, or name another dataparser, as in `colmap {given}`. `{self.parser} --help`"
                 " at the end of the command lists the options of this one."
             )
-        return layout.config(data=self.data, **{**self.evidence.options, **options})
+        return self.parser_config(data=self.data, **{**self.options, **options})
 
 
 def recognise(data: Path) -> Recognition:
@@ -133,48 +120,41 @@ def recognise(data: Path) -> Recognition:
     Raises:
         CaptureError: no such folder, or nothing in it that is a capture.
     """
-    if not data.exists():
-        raise CaptureError(f"There is no folder {data}. Check the path after --data.")
     if not data.is_dir() and not (data.suffix == ".json" and data.is_file()):
         raise CaptureError(
-            f"{data} is a file. --data takes the folder of a capture, or its transforms.json."
+            f"There is no folder {data}. --data takes the folder of a capture, or its "
+            "transforms.json."
         )
     if not (readings := _readings(data)):
         raise CaptureError(_nothing_found(data))
-    taken, *others = readings
-    known = taken.evidence.covers
-    return Recognition(
-        data, taken.layout, taken.evidence, tuple(r for r in others if r.layout.parser not in known)
-    )
+    taken, *rest = readings
+    others = (reading for reading in rest if reading.poses != taken.poses)
+    return replace(taken, others=tuple(others))
 
 
 def _readings(data: Path) -> list[Recognition]:
-    candidates = ((layout, layout.find(data)) for layout in LAYOUTS)
-    return [Recognition(data, layout, found) for layout, found in candidates if found is not None]
+    readings = []
+    for name, parser, config, find in LAYOUTS:
+        if (found := find(data)) is not None:
+            readings.append(Recognition(data, name, parser, config, *found))
+    return readings
 
 
 def _nothing_found(data: Path) -> str:
     entries = sorted(path.name for path in data.iterdir())
-    if BLENDER_FILES[0] in entries:
-        return (
-            f"{data} is not as blender-data reads it: {', '.join(BLENDER_FILES)}, each with "
-            "camera_angle_x, and X.png for each file_path X. Name a file that has nerfstudio's "
-            f"fields itself: --data {data / BLENDER_FILES[0]}."
-        )
     folders = [data / name for name in entries if (data / name).is_dir()]
     if near := [str(f) for f in (*folders, data.resolve().parent) if _readings(f)]:
         return f"{data} is no capture. Name one that is, by --data: {list_names(near)}."
     photos = photos_near(data)
-    if photos:
+    if photos and "transforms_train.json" not in entries:
         return (
             f"{data} has {len(photos)} photos ({list_names(photos)}) and no poses of their "
             f"cameras. Type `desplat-process '{data}' CAPTURE` to find them, or run COLMAP by "
             "itself; then train with --data CAPTURE."
         )
-    looked = "; or ".join(layout.needs for layout in LAYOUTS)
     return (
         f"No capture was found in {data}, which has "
-        f"{list_names(entries) or 'no files'}. Needed is one of these: {looked}. "
+        f"{list_names(entries) or 'no files'}. Needed: {NEEDED}. "
         "Check the path after --data, or name a dataparser at the end "
         "of the command (ns-train desplat --help lists them)."
     )
@@ -183,24 +163,20 @@ def _nothing_found(data: Path) -> str:
 # --- what finds each layout -----------------------------------------------------------------------
 
 
-def _on_the_go(data: Path) -> Evidence | None:
+def _on_the_go(data: Path) -> Found | None:
     """split.json with the lists of NeRF On-the-go, and poses."""
-    model, has_transforms = _model_of(data), (data / TRANSFORMS_FILE).is_file()
+    poses = _model_of(data) or TRANSFORMS_FILE
     try:
         lists = read_split(data / SPLIT_FILE)
     except CaptureError:
         return None
-    if not (model or has_transforms):
+    if poses == TRANSFORMS_FILE and not (data / TRANSFORMS_FILE).is_file():
         return None
     counts = ", ".join(f"{len(positions)} {name}" for name, positions in lists.items())
-    return Evidence(
-        f"{SPLIT_FILE} ({counts}) with {model or TRANSFORMS_FILE}",
-        _photos(data)[1],
-        covers=("robustnerf-data", "nerfstudio-data", "colmap"),
-    )
+    return poses, f"{SPLIT_FILE} ({counts}) with {poses}", _photos(data)[1]
 
 
-def _robustnerf(data: Path) -> Evidence | None:
+def _robustnerf(data: Path) -> Found | None:
     """`extra` and `clutter` or `clean` in the names of photos, over a COLMAP model."""
     model = _model_of(data)
     images, options = _photos(data)
@@ -208,53 +184,46 @@ def _robustnerf(data: Path) -> Evidence | None:
     stems = " ".join(Path(name).stem.lower() for name in names)
     if "extra" not in stems or not ("clutter" in stems or "clean" in stems):
         return None
-    summary = f"photos named by what they show ({describe(names)}) and {model}"
-    return Evidence(summary, options, covers=("colmap",))
+    return model, f"photos named by what they show ({describe(names)}) and {model}", options
 
 
-def _photo_tourism(data: Path) -> Evidence | None:
+def _photo_tourism(data: Path) -> Found | None:
     """dense/ with photos and a COLMAP model, or a NeRF-W split file beside them."""
     split, _ = split_files(split_folders(data))
     held_out = (
         f"the split file {split[0].name}" if split else "no split file: a draw holds photos out"
     )
-    dense = ROOTS[0]
-    if find_models(data, dense / "sparse") and (data / dense / "images").is_dir():
-        return Evidence(f"{dense}/images and {dense}/sparse ({held_out})")
-    model = _model_of(data)
-    if model and (split or data.resolve().name == dense.name):
-        return Evidence(f"{model} ({held_out})", covers=("colmap",))
-    return None
+    poses = _model_of(data)
+    if find_models(data, DENSE / "sparse") and (data / DENSE / "images").is_dir():
+        poses = f"{DENSE}/images and {DENSE}/sparse"
+    elif not split and data.resolve().name != DENSE.name:
+        return None
+    return (poses, f"{poses} ({held_out})", {}) if poses else None
 
 
-def _transforms(data: Path) -> Evidence | None:
+def _transforms(data: Path) -> Found | None:
     """A transforms.json, or such a file named itself."""
     path = data if data.suffix == ".json" else data / TRANSFORMS_FILE
-    return Evidence(path.name, {"load_3D_points": True}) if path.is_file() else None
+    return (path.name, path.name, {"load_3D_points": True}) if path.is_file() else None
 
 
-def _blender(data: Path) -> Evidence | None:
-    """transforms_train.json and those beside it, as nerfstudio's blender-data reads them: it takes
-    one `camera_angle_x` for all photos, and adds .png to every `file_path`."""
-    for path in (data / name for name in BLENDER_FILES):
-        try:
-            document: Any = json.loads(path.read_text("utf8")) if path.is_file() else {}
-            photo = f"{document['frames'][0]['file_path']}.png"
-            is_fit = isinstance(document["camera_angle_x"], (int, float))
-        except (OSError, ValueError, LookupError, TypeError):
-            return None
-        if not (is_fit and (data / photo).is_file()):
-            return None
-    return Evidence(", ".join(BLENDER_FILES))
+def _blender(data: Path) -> Found | None:
+    """transforms_train.json and those beside it, where nerfstudio's blender-data can read them."""
+    splits = ("train", "val", "test")
+    try:
+        for split in splits:
+            BlenderDataParserConfig(data=data).setup().get_dataparser_outputs(split)
+    except Exception:  # it checks nothing, so that errors are of many kinds
+        return None
+    names = ", ".join(f"transforms_{split}.json" for split in splits)
+    return names, names, {}
 
 
-def _colmap(data: Path) -> Evidence | None:
+def _colmap(data: Path) -> Found | None:
     """A COLMAP model in a usual place; photos, or smaller copies as Mip-NeRF 360 has them."""
     model = _model_of(data)
-    if not model:
-        return None
     copies = "".join(f", {IMAGES}_{factor}" for factor in downscale_factors(data / IMAGES))
-    return Evidence(f"{model}{copies}", _photos(data)[1])
+    return (model, f"{model}{copies}", _photos(data)[1]) if model else None
 
 
 def _model_of(data: Path) -> str:
@@ -276,52 +245,18 @@ def _photos(data: Path) -> tuple[Path, dict[str, Any]]:
     return data / f"{IMAGES}_{factors[0]}", {"downscale_factor": factors[0]}
 
 
-LAYOUTS = (
-    Layout(
-        "NeRF On-the-go",
-        "split.json with transforms.json or a COLMAP model",
-        "on-the-go-data",
-        OnTheGoDataParserConfig,
-        _on_the_go,
-    ),
-    Layout(
-        "RobustNeRF",
-        "images/ with clean or clutter, and extra, in the file names, and a COLMAP model",
-        "robustnerf-data",
-        RobustNerfDataParserConfig,
-        _robustnerf,
-    ),
-    Layout(
-        "Photo Tourism",
-        "dense/images and dense/sparse",
-        "photo-tourism-data",
-        PhotoTourismDataParserConfig,
-        _photo_tourism,
-    ),
-    Layout(
-        "nerfstudio",
-        "transforms.json",
-        "nerfstudio-data",
-        partial(NerfstudioDataParserConfig, _target=TransformsDataParser),
-        _transforms,
-    ),
-    Layout(
-        "Blender (NeRF synthetic)",
-        "transforms_train.json, transforms_val.json and transforms_test.json",
-        "blender-data",
-        BlenderDataParserConfig,
-        _blender,
-    ),
-    Layout(
-        "COLMAP",
-        "images/, or images_2, images_4, ..., and a COLMAP model (cameras, images and points3D as "
-        ".bin or .txt) in sparse/0, sparse or colmap/sparse/0",
-        "colmap",
-        DeSplatColmapDataParserConfig,
-        _colmap,
-    ),
+_Transforms = partial(NerfstudioDataParserConfig, _target=TransformsDataParser)
+
+LAYOUTS: tuple[tuple[str, str, Callable[..., Any], Callable[[Path], Found | None]], ...] = (
+    ("NeRF On-the-go", "on-the-go-data", OnTheGoDataParserConfig, _on_the_go),
+    ("RobustNeRF", "robustnerf-data", RobustNerfDataParserConfig, _robustnerf),
+    ("Photo Tourism", "photo-tourism-data", PhotoTourismDataParserConfig, _photo_tourism),
+    ("nerfstudio", "nerfstudio-data", _Transforms, _transforms),
+    ("Blender (NeRF synthetic)", "blender-data", BlenderDataParserConfig, _blender),
+    ("COLMAP", "colmap", DeSplatColmapDataParserConfig, _colmap),
 )
-"""The most specific ones first: the first that is found is taken."""
+"""Name, dataparser, its configuration, and what finds the layout; the first that is found is taken,
+so that the most specific ones come first."""
 
 
 # --- the dataparser ------------------------------------------------------------------------------
@@ -345,14 +280,8 @@ class DeSplatDataParserConfig(DataParserConfig):
     """With --eval-mode interval: every Nth photo is held out."""
     orientation_method: Literal["pca", "up", "vertical", "none"] | None = None
     """How the scene is turned upright."""
-    center_method: Literal["poses", "focus", "none"] | None = None
-    """What becomes the scene's centre."""
     auto_scale_poses: bool | None = None
     """Whether the cameras are scaled into a box from -1 to 1."""
-    scale_factor: float | None = None
-    """Scale of the cameras' positions, in addition."""
-    scene_scale: float | None = None
-    """Half the side of the scene's box, in scaled units."""
     load_3D_points: bool | None = None
     """Whether training starts from the reconstruction's points instead of random ones."""
 

@@ -12,12 +12,11 @@ from desplat_ns.console import announce_once, list_names
 from desplat_ns.data.colmap import DeSplatColmapDataParser, OwnSplitConfig
 from desplat_ns.data.colmap_model import find_models
 from desplat_ns.data.splits import Lists
-from desplat_ns.errors import CaptureError
 from desplat_ns.photo_tourism.split_file import draw_split, find_split_file, read_split_file
 from desplat_ns.settings.options import ranged
 
-ROOTS = (Path("dense"), Path())
-"""Where photos and reconstruction lie side by side, relative to the data, in this order."""
+DENSE = Path("dense")
+"""Folder of undistorted photos and their reconstruction, side by side, in the data."""
 
 TEST_FRACTION = 0.1
 """Share of photos that is held out where there is no split file."""
@@ -28,10 +27,10 @@ class PhotoTourismDataParserConfig(OwnSplitConfig):
     """Photo Tourism scene: dense/images, dense/sparse and NeRF-W's split file."""
 
     _target: type = field(default_factory=lambda: PhotoTourismDataParser)
-    images_path: Path = ROOTS[0] / "images"
-    """Photos, relative to the data; without this option images beside the reconstruction,
-    dense/images or images."""
-    colmap_path: Path = ROOTS[0] / "sparse"
+    images_path: Path = DENSE / "images"
+    """Photos, relative to the data; without this option dense/images or, where there is no
+    dense/sparse, images."""
+    colmap_path: Path = DENSE / "sparse"
     """Reconstruction, relative to the data; without this option dense/sparse or sparse, or the
     largest model in there (sparse/0, sparse/1, ...)."""
     split_file: Path | None = None
@@ -42,23 +41,15 @@ class PhotoTourismDataParserConfig(OwnSplitConfig):
     this option, 0.1 where there is no split file."""
     seed: int = 0
     """Chooses the photos that --test-fraction holds out."""
-    downscale_factor: int | None = ranged(None, "[1, inf)")
-    """All photos at 1/N of their size. Without this option every photo by itself is halved until it
-    has at most 1600 pixels a side; smaller ones keep their size."""
-    distractor_masks_path: Path | None = Path("masks")
-    """Folder of true distractor masks (white = distractor), relative to the data, if there is one.
-    Evaluation compares the model's masks with them; training never sees them."""
 
 
 class PhotoTourismDataParser(DeSplatColmapDataParser):
     """See `PhotoTourismDataParserConfig`."""
 
     config: PhotoTourismDataParserConfig
-    sizes_differ = True
     split_by = "the split file, or --test-fraction and --seed"
 
     def __init__(self, config: PhotoTourismDataParserConfig):
-        """Raises as `with_paths`."""
         super().__init__(with_paths(config))
 
     def lists(self, names: Sequence[str]) -> Lists:
@@ -87,40 +78,25 @@ class PhotoTourismDataParser(DeSplatColmapDataParser):
 def split_folders(data: Path) -> list[Path]:
     """Where a scene's split file may be. Whoever names dense/ itself as the data has it one folder
     up."""
-    above = [data / ".."] if data.resolve().name == ROOTS[0].name else []
-    return [data, data / ROOTS[0], *above]
+    above = [data / ".."] if data.resolve().name == DENSE.name else []
+    return [data, data / DENSE, *above]
 
 
 def with_paths(config: PhotoTourismDataParserConfig) -> PhotoTourismDataParserConfig:
-    """The same with photos and reconstruction side by side in one of `ROOTS`; options come before
-    that.
+    """The same with photos and reconstruction side by side in the data itself where there is a
+    reconstruction, and none in dense/; options come before that.
 
-    Photos of one root never go with the reconstruction of the other: there they are undistorted,
-    here perhaps not. A root that has both comes before one that has a reconstruction only.
-
-    Raises:
-        CaptureError: no such folder, or no reconstruction.
+    Photos of one place never go with the reconstruction of the other: in dense/ they are
+    undistorted, outside perhaps not.
     """
-    default, data = PhotoTourismDataParserConfig(), config.data
-    images, colmap = config.images_path, config.colmap_path
-    pairs = [
-        (
-            images if images != default.images_path else root / "images",
-            colmap if colmap != default.colmap_path else root / "sparse",
-        )
-        for root in ROOTS
-    ]
-    found = [pair for pair in pairs if find_models(data, pair[1])]
-    found.sort(key=lambda pair: not (data / pair[0]).is_dir())
-    if not found:
-        looked = ", ".join(dict.fromkeys(colmap.as_posix() for _, colmap in pairs))
-        raise CaptureError(
-            f"No COLMAP reconstruction in {data} (looked in {looked}, and in folders inside them). "
-            "Needed: cameras, images and points3D as .bin or .txt, beside a folder `images`. Name "
-            "the scene's folder with --data, or the reconstruction with --colmap-path and the "
-            "photos with --images-path, relative to --data."
-        )
-    return replace(config, images_path=found[0][0], colmap_path=found[0][1])
+    default, data, outside = PhotoTourismDataParserConfig(), config.data, Path("sparse")
+    if config.colmap_path != default.colmap_path or find_models(data, config.colmap_path):
+        return config
+    if not find_models(data, outside):
+        return config
+    is_named = config.images_path != default.images_path
+    images = config.images_path if is_named else Path("images")
+    return replace(config, images_path=images, colmap_path=outside)
 
 
 photo_tourism_dataparser = DataParserSpecification(

@@ -19,7 +19,7 @@ import PIL.Image
 from jaxtyping import UInt8
 
 from desplat_ns.console import list_names
-from desplat_ns.data.images import lens_of, read_image, read_mask, resize_image, write_image
+from desplat_ns.data.images import lens_of, read_image, read_mask, resize_image
 from desplat_ns.data.photo_files import photo_names
 from desplat_ns.errors import CaptureError
 from desplat_ns.files.whole import write_whole
@@ -165,7 +165,10 @@ def prepare_masks(mask: Path, photos: Sequence[Photo], copies: Path) -> int:
             )
         size = photo.width, photo.height
         resized = cv2.resize(white.astype(np.float32), size, interpolation=cv2.INTER_AREA)
-        write_image(copies / f"{photo.copy}.png", resized >= 0.5)
+        copies.mkdir(parents=True, exist_ok=True)
+        PIL.Image.fromarray((resized >= 0.5).astype(np.uint8) * 255).save(
+            copies / f"{photo.copy}.png"
+        )
     if count == 0:
         raise CaptureError(
             f"No mask in {mask} belongs to a photo (it has {list_names(names, 5)}). Needed are "

@@ -26,6 +26,9 @@ from desplat_ns.model import DeSplatModel
 from desplat_ns.model_config import DeSplatModelConfig
 from desplat_ns.settings.effects import EffectsConfig
 
+SHADOWS_PREFIX = "shadow_"
+"""The folder of shadow masks stands beside that of the masks; before its name there is this."""
+
 TRIMMED_SHARE = 0.8
 """Share of a photo's pixels that the robust baseline trusts in every step."""
 
@@ -69,6 +72,18 @@ class TrustedPixelsModel(DeSplatModel):
         shadow = shadow_mask_of(path)
         mask = _any_pixel(path, photo)
         return mask if shadow is None else mask | _any_pixel(shadow, photo)
+
+
+def shadow_mask_of(mask: Path) -> Path | None:
+    """The mask of the shadows that go with a mask, white where one is; None if there is none.
+
+    Of masks/a/b.png it is shadow_masks/a/b.png.
+    """
+    for folder in mask.parents[:-1]:
+        beside = folder.with_name(SHADOWS_PREFIX + folder.name) / mask.relative_to(folder)
+        if beside.is_file():
+            return beside
+    return None
 
 
 def mask_of(metadata: dict[str, Any], index: int) -> Path | None:

@@ -19,8 +19,8 @@ import numpy as np
 import PIL.Image  # noqa: F401  before pycolmap, see lab.synthetic.layouts
 import pycolmap
 
-from desplat_ns.data.images import write_image
 from desplat_ns.studies.paper import TABLES, TableName
+from lab.pictures import write_image
 from lab.synthetic import Frame, Scene, SceneSpec, make_scene
 from lab.synthetic.layouts import RegisteredPhoto, register, write_reconstruction
 

@@ -14,7 +14,8 @@ import PIL.Image  # noqa: F401  pycolmap 4.2.1 must not be imported before PIL: 
 import pycolmap
 from jaxtyping import Bool, UInt8
 
-from desplat_ns.data.images import read_image, write_image
+from desplat_ns.data.images import read_image
+from lab.pictures import write_image
 
 Photo = UInt8[np.ndarray, "H W 3"]
 Mask = Bool[np.ndarray, "H W"]

@@ -12,8 +12,8 @@ import PIL.Image  # noqa: F401  pycolmap 4.2.1 must not be imported before PIL: 
 import pycolmap
 from jaxtyping import Float, Int, UInt8
 
-from desplat_ns.data.images import write_image
 from desplat_ns.errors import ConfigError
+from lab.pictures import write_image
 from lab.synthetic.cameras import PinholeCamera
 from lab.synthetic.scene import Frame, Scene, make_scene
 from lab.synthetic.spec import SceneSpec

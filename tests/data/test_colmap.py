@@ -142,7 +142,7 @@ def test_no_points_is_an_error_unless_random_ones_are_asked_for(capture):
 
 def test_one_photo_or_one_standpoint_is_not_a_scene(capture):
     with pytest.raises(CaptureError, match=r"a\.png"):
-        outputs_of(capture(["a.png"], points=[]))
+        outputs_of(capture(["a.png"], points=["1 0.5 -1 4 10 20 30 0.25 1 0"]))
     data = capture(["a.png", "b.png"])
     file = data / "sparse" / "0" / "images.txt"
     file.write_text(file.read_text().replace("-1 0 0 1 b.png", "0 0 0 1 b.png"))

@@ -17,9 +17,8 @@ from desplat_ns.data.images import (
     read_image,
     read_mask,
     resize_image,
-    write_image,
 )
-from desplat_ns.errors import CaptureError, DeSplatError
+from desplat_ns.errors import CaptureError
 
 
 def noise(height: int, width: int, channels: int = 3, seed: int = 0) -> np.ndarray:
@@ -133,20 +132,3 @@ def test_a_camera_gets_pixels_as_stored_unless_a_quarter_turn_makes_them_fit(
     expected = read_image(path) if is_turned else pixels
     np.testing.assert_array_equal(read_image(path, camera), expected)
     assert image_size(path, camera) == expected.shape[1::-1]
-
-
-@pytest.mark.parametrize("channels", [1, 3, 4])
-def test_what_is_written_reads_back(tmp_path: Path, channels: int):
-    image = noise(4, 5, channels)
-    path = tmp_path / "new" / "picture.png"
-    write_image(path, image)
-    expected = np.repeat(image, 3, -1) if channels == 1 else image
-    np.testing.assert_array_equal(read_image(path), expected)
-
-
-def test_a_picture_that_cannot_be_written_is_named(tmp_path: Path):
-    (tmp_path / "file").write_text("in the way")
-    with pytest.raises(DeSplatError, match=r"p\.png"):
-        write_image(tmp_path / "file" / "p.png", noise(2, 2))
-    with pytest.raises(DeSplatError, match=r"p\.nonsense"):
-        write_image(tmp_path / "p.nonsense", noise(2, 2))

@@ -11,8 +11,8 @@ import torch
 from nerfstudio.cameras.cameras import CameraType
 
 from desplat_ns.data.photo_files import check_files
-from desplat_ns.data.poses import points_metadata
-from desplat_ns.data.reconstruction import Frame, Points, check_frame
+from desplat_ns.data.poses import OrientedPoses, points_metadata
+from desplat_ns.data.reconstruction import TRACKS, Frame, Points, Reconstruction, check_frame
 from desplat_ns.errors import CaptureError
 
 IMPOSSIBLE = (
@@ -33,10 +33,12 @@ def test_a_camera_that_cannot_be_is_named(changes):
 def test_points_that_are_not_finite_are_left_out_with_what_belongs_to_them(capsys):
     xyz = np.array([[0.0, 0, 0], [np.inf, 0, 0], [1, 1, 1]])
     points = Points(xyz, np.arange(9, dtype=np.uint8).reshape(3, 3), np.array([3, 5, 8]))
-    kept, ids = points_metadata(points, torch.eye(4).double()[:3], 2.0, Path("x"))
+    known = Reconstruction(Path("x"), [], points, has_tracks=True)
+    oriented = OrientedPoses(torch.zeros(0, 3, 4), torch.eye(4).double()[:3], 2.0)
+    kept = points_metadata(known, oriented, [])
     assert kept["points3D_xyz"].tolist() == [[0, 0, 0], [2, 2, 2]]
     assert kept["points3D_rgb"].tolist() == [[0, 1, 2], [6, 7, 8]]
-    assert ids.tolist() == [3, 8]
+    assert kept[TRACKS].point_ids.tolist() == [3, 8]
     assert "1 of 3 points in x" in capsys.readouterr().out
 
 

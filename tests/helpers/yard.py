@@ -13,9 +13,9 @@ import numpy as np
 import pycolmap
 from jaxtyping import Float, UInt8
 
-from desplat_ns.data.images import write_image
 from desplat_ns.process.photos import Photo, group_by_camera, prepare_photos
 from desplat_ns.process.reconstruction import PLAIN, enter_photos, find_features
+from lab.pictures import write_image
 from lab.process import distances
 from lab.synthetic import SceneSpec, make_scene
 

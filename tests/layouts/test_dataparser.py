@@ -31,10 +31,10 @@ def test_options_that_are_not_given_are_the_dataparsers_own(capture):
     assert DeSplatDataParserConfig(data=capture()).recognised() == DeSplatColmapDataParserConfig(
         data=capture()
     )
-    given = DeSplatDataParserConfig(data=capture(), auto_scale_poses=False, scale_factor=0.0)
+    given = DeSplatDataParserConfig(data=capture(), auto_scale_poses=False, eval_interval=5)
     config = given.recognised()
     assert isinstance(config, DeSplatColmapDataParserConfig)
-    assert (config.auto_scale_poses, config.scale_factor) == (False, 0.0)
+    assert (config.auto_scale_poses, config.eval_interval) == (False, 5)
 
 
 def test_once_settled_the_choice_stays(capture, capsys):

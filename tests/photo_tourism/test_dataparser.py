@@ -51,12 +51,6 @@ def test_undistorted_photos_come_before_the_originals(scene):
     data = scene()
     scene(images="images", sparse="sparse/0")
     assert parser_of(data).config.images_path == Path("dense/images")
-    shutil.rmtree(data / "dense" / "images")
-    parser = parser_of(data)
-    assert (parser.config.images_path, parser.config.colmap_path) == (
-        Path("images"),
-        Path("sparse"),
-    )
 
 
 def test_photos_of_one_root_never_go_with_the_reconstruction_of_the_other(scene):

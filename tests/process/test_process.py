@@ -34,7 +34,7 @@ def test_plain_features_pose_all_photos_in_their_places(yard: Yard, tmp_path: Pa
     Request(photos, out, effort="plain", threads=1).main()
     assert (findings_of(out)["photos"], findings_of(out)["of"]) == (12, 12)
     assert yard.farthest(out / "sparse" / "0", {f"{view:02d}.jpg": view for view in views}) < CLOSE
-    assert recognise(out).layout.name == "COLMAP"
+    assert recognise(out).layout == "COLMAP"
     assert (out / "cameras.png").is_file() and not (out / "work").exists()
     before = (out / "process.json").read_bytes()
     Request(photos, out, effort="plain", threads=1).main()

@@ -12,9 +12,10 @@ import PIL.Image
 import pytest
 from nerfstudio.data.dataparsers.base_dataparser import DataparserOutputs
 
-from desplat_ns.data.images import read_image, write_image
+from desplat_ns.data.images import read_image
 from desplat_ns.data.reconstruction import TRACKS
 from desplat_ns.errors import CaptureError
+from lab.pictures import write_image
 from tests.helpers.surveyed import copied, points_of, some, survey, with_points
 
 ORIENTATION = 0x0112

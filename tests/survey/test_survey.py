@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from nerfstudio.data.dataparsers.base_dataparser import DataparserOutputs
 
-from desplat_ns.data.images import read_image, write_image
+from desplat_ns.data.images import read_image
 from desplat_ns.survey.appearance import (
     LOCAL_SHARE,
     appearance_finding,
@@ -21,6 +21,7 @@ from desplat_ns.survey.appearance import (
 from desplat_ns.survey.findings import CLEAR, Figure, Finding, confidence_of
 from desplat_ns.survey.photo_light import from_middle
 from desplat_ns.survey.survey import survey as survey_with_evidence
+from lab.pictures import write_image
 from lab.synthetic import DaylightSpec, SceneSpec, make_scene
 from tests.helpers.surveyed import copied, survey
 
