@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import random
-from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -28,7 +26,7 @@ from desplat_ns.data.colmap import with_pycolmap
 from desplat_ns.data.dataset import CaptureDataset, Photo, PhotoReader
 from desplat_ns.data.gt_masks import METADATA_KEY
 from desplat_ns.data.on_the_go import on_the_go_dataparser
-from desplat_ns.data.photo_cache import BoundedPhotos, PhotoMemory, PhotosOfCameras
+from desplat_ns.data.photo_cache import SHARE, BoundedPhotos, free_memory, photo_bytes
 from desplat_ns.data.robustnerf import robustnerf_dataparser
 from desplat_ns.data.training_views import image_names
 from desplat_ns.data.transforms_json import TransformsDataParser
@@ -239,45 +237,32 @@ class DeSplatDataManager(FullImageDatamanager[CaptureDataset]):
         cameras = self.train_dataset.cameras
         return int(cameras.width[0] * cameras.height[0])
 
-    @property
-    def fixed_indices_eval_dataloader(self) -> Any:
-        """Held-out cameras and photos in their order, by their numbers."""
-        photos: Any = self.cached_eval
-        if isinstance(photos, BoundedPhotos):
-            return PhotosOfCameras(self.eval_dataset.cameras, photos, self.device)
-        return super().fixed_indices_eval_dataloader
-
-    @cached_property
-    def _memory(self) -> PhotoMemory:
-        splits = {"train": self.train_dataset, "eval": self.eval_dataset}
-        config = self.config
-        return PhotoMemory(splits, config.cache_images_type, self.device, config.photo_memory)
-
     def _load_images(
         self, split: Literal["train", "eval"], cache_images_device: Literal["cpu", "gpu"]
     ) -> Any:
-        """Photos by their numbers: all of them, or `BoundedPhotos` where they do not fit."""
-        memory, is_training = self._memory, self.test_mode == "val"
+        """Photos by their numbers: all of them, or `BoundedPhotos` of training where they do not
+        fit beside the held-out ones."""
         # Upstream pins memory for "cpu", which needs a CUDA driver; "gpu" means `self.device`.
         if torch.device(self.device).type == "cpu":
             cache_images_device = "gpu"
-        elif not memory.fit_device:
-            cache_images_device = "cpu"
-        fit = memory.fit_device if cache_images_device == "gpu" else memory.fit
-        if fit and (is_training or split == "eval"):  # else few training photos are looked at
+        if split == "eval":
             return super()._load_images(split, cache_images_device)
-        dataset = self.train_dataset if split == "train" else self.eval_dataset
-        if is_training and split == "train":
+        kind, memory = self.config.cache_images_type, self.config.photo_memory
+        place = torch.device(self.device if cache_images_device == "gpu" else "cpu")
+        room = SHARE * free_memory(place) if memory is None else 1e9 * memory
+        needed = photo_bytes(self.train_dataset, kind)
+        room -= sum(photo_bytes(self.eval_dataset, kind))
+        is_training = self.test_mode == "val"  # else few training photos are looked at
+        if is_training and sum(needed) <= room:
+            return super()._load_images(split, cache_images_device)
+        most = int(room // max(needed))
+        if is_training:
             announce(
-                f"Photos take {memory.needed / 1e9:.3g} GB decoded. {memory.room / 1e9:.3g} GB of "
-                "them are held at a time; the others are read before their turn."
+                f"Training photos take {sum(needed) / 1e9:.3g} GB decoded. {max(1, most)} of "
+                f"{len(needed)} are held at a time; the others are read before their turn."
             )
-
-        def upcoming(index: int) -> Iterable[int]:
-            if split == "eval":
-                return range(index + 1, len(dataset))
-            return self.train_unseen_cameras if is_training else ()
-
-        reader = PhotoReader(dataset, self.config.cache_images_type)
+        reader = PhotoReader(self.train_dataset, kind)
         self.train_cameras = self.train_dataset.cameras.to(self.device)
-        return BoundedPhotos(reader, memory.sizes[split], memory.room_of(split), upcoming)
+        return BoundedPhotos(
+            reader, len(needed), most, lambda: self.train_unseen_cameras if is_training else ()
+        )
