@@ -30,7 +30,7 @@ from desplat_ns.data.photo_cache import SHARE, BoundedPhotos, free_memory, photo
 from desplat_ns.data.robustnerf import robustnerf_dataparser
 from desplat_ns.data.training_views import image_names
 from desplat_ns.data.transforms_json import TransformsDataParser
-from desplat_ns.errors import CaptureError, CheckpointError, ConfigError
+from desplat_ns.errors import CaptureError, ConfigError
 from desplat_ns.layouts.dataparser import DeSplatDataParserConfig, desplat_dataparser
 from desplat_ns.photo_tourism.dataparser import photo_tourism_dataparser
 from desplat_ns.settings.options import check_ranges, ranged
@@ -64,6 +64,11 @@ class DeSplatDataManagerConfig(FullImageDatamanagerConfig):
     """GB of memory for decoded photos. Where they take more, they are read again and again, before
     their turn and in the background, which changes nothing else. By default 40% of the
     memory that is free."""
+
+    def setup(self, **kwargs: Any) -> DeSplatDataManager:
+        """The data manager, once the dataparser is settled."""
+        self.settle_dataparser()
+        return super().setup(**kwargs)
 
     def settle_dataparser(self) -> DataParserConfig:
         """Put the dataparser that reads the capture in the place of `desplat-data`, and ours in
@@ -118,18 +123,6 @@ class DeSplatDataManager(FullImageDatamanager[CaptureDataset]):
 
     config: DeSplatDataManagerConfig
 
-    def __init__(
-        self,
-        config: DeSplatDataManagerConfig,
-        device: torch.device | str = "cpu",
-        test_mode: Literal["test", "val", "inference"] = "val",
-        world_size: int = 1,
-        local_rank: int = 0,
-        **kwargs: Any,
-    ):
-        config.settle_dataparser()
-        super().__init__(config, device, test_mode, world_size, local_rank, **kwargs)
-
     def create_train_dataset(self) -> CaptureDataset:
         """Training photos, numbered.
 
@@ -143,7 +136,8 @@ class DeSplatDataManager(FullImageDatamanager[CaptureDataset]):
                 " Check the options that choose them (--eval-mode, --train-split-fraction, "
                 "or train_list.txt)."
             )
-        self._check_photos(dataset)
+        if self.test_mode != "inference":  # ns-render and ns-viewer may never look at the photos
+            dataset.check_photos()
         numbers = torch.arange(len(dataset))[:, None]
         dataset.cameras.metadata = {**(dataset.cameras.metadata or {}), "train_idx": numbers}
         dataset.metadata["train_cameras"] = dataset.cameras
@@ -163,7 +157,8 @@ class DeSplatDataManager(FullImageDatamanager[CaptureDataset]):
                 "are used for training. Hold some out with --eval-mode interval (every eighth), or "
                 "with a smaller --train-split-fraction."
             )
-        self._check_photos(dataset)
+        if self.test_mode != "inference":
+            dataset.check_photos()
         return dataset
 
     @property
@@ -184,7 +179,6 @@ class DeSplatDataManager(FullImageDatamanager[CaptureDataset]):
     def sampler_state(self) -> dict[str, Any]:
         """The order in which views come next, as numbers and lists only."""
         state: dict[str, Any] = {
-            "num_views": len(self.train_dataset),
             "unseen": [int(i) for i in self.train_unseen_cameras],
             "eval_unseen": [int(i) for i in self.eval_unseen_cameras],
         }
@@ -196,16 +190,7 @@ class DeSplatDataManager(FullImageDatamanager[CaptureDataset]):
         return state
 
     def load_sampler_state(self, state: dict[str, Any]) -> None:
-        """Go on with the order that `sampler_state` gave.
-
-        Raises:
-            CheckpointError: the state belongs to another number of training views.
-        """
-        if state["num_views"] != len(self.train_dataset):
-            raise CheckpointError(
-                f"The checkpoint was trained on {state['num_views']} photos; {self.get_datapath()} "
-                f"gives {len(self.train_dataset)}. Give the same --data and split options as then."
-            )
+        """Go on with the order that `sampler_state` gave, of the same training views."""
         self.train_unseen_cameras = list(state["unseen"])
         if all(i < len(self.eval_dataset) for i in state["eval_unseen"]):
             self.eval_unseen_cameras = list(state["eval_unseen"])
@@ -215,11 +200,6 @@ class DeSplatDataManager(FullImageDatamanager[CaptureDataset]):
             self.random_generator.setstate((version, tuple(numbers), gauss))
         if "unsampled" in state:
             self.train_unsampled_epoch_count = np.array(state["unsampled"])
-
-    def _check_photos(self, dataset: CaptureDataset) -> None:
-        # "inference" (ns-render, ns-viewer) may never look at the photos.
-        if self.test_mode != "inference":
-            dataset.check_photos()
 
     # --- photos in memory --------------------------------------------------------------------
 

@@ -30,7 +30,7 @@ from desplat_ns.backend.registry import compile_kernels
 from desplat_ns.console import announce
 from desplat_ns.datamanager import DeSplatDataManagerConfig, training_split
 from desplat_ns.errors import CaptureError, CheckpointError
-from desplat_ns.files.whole import only_process_in, plain_errors
+from desplat_ns.files.whole import plain_errors
 from desplat_ns.nerfstudio_quirks import train_on_where_logs_cannot_be_written
 from desplat_ns.pipeline import DeSplatPipeline
 from desplat_ns.run_config import RunConfig, SavedRun
@@ -49,7 +49,6 @@ from desplat_ns.training.optimizers import follow, load_moments, optimizer_optio
 from desplat_ns.training.schedule import (
     TIMED_STEPS,
     BudgetPlan,
-    BudgetSchedule,
     early_rate_factor,
     plan_budget,
     rate_factor,
@@ -88,7 +87,6 @@ class DeSplatTrainer(Trainer):
         self._stop_is_asked = False
         self._started = process_started()
         self._plan: BudgetPlan | None = None
-        self._budget: BudgetSchedule | None = None
         self._budget_is_up = False
         self._folder_lock = ExitStack()
 
@@ -106,8 +104,8 @@ class DeSplatTrainer(Trainer):
                 run, in which another process trains, or that cannot be written.
         """
         config = self.config
-        with run_folder(self.base_dir), ExitStack() as stack:
-            stack.enter_context(only_process_in(self.base_dir))
+        with ExitStack() as stack:
+            stack.enter_context(run_folder(self.base_dir))
             self._saved = config.saved_run()
             refuse_to_replace(self.checkpoint_dir, None if self._saved is None else self._saved[0])
             self._started += compile_kernels(self._model_config.backend, config.machine.device_type)
@@ -116,8 +114,9 @@ class DeSplatTrainer(Trainer):
             findings = config.decide_effects(self._saved, capture)
             config.settle_length(capture)
             if config.budget and self._saved is not None:
-                budget = seconds_of(config.budget)
-                self._settle(saved_plan(*self._saved, budget, self._seconds()))
+                plan = saved_plan(*self._saved, seconds_of(config.budget), self._seconds())
+                self._settle(plan)
+                self._started -= plan.spent
             super().setup(test_mode)
             with plain_errors(self.base_dir, "--output-dir"):
                 config.write_config()
@@ -134,8 +133,7 @@ class DeSplatTrainer(Trainer):
         """Optimizers whose learning rates go by the clock of the run, as the model does."""
         config, photos = self.config, len(self.pipeline.datamanager.train_image_names)
         if config.budget:
-            self._budget = self._begin_budget(seconds_of(config.budget))
-            self.pipeline.model.schedule = self._budget
+            self._begin_budget(seconds_of(config.budget))
         schedule = self.pipeline.model.schedule
         raised = rate_factor(photos, config.max_num_iterations, config.full_rate_visits)
         warmup, wanted = self._model_config.warmup_of(photos)
@@ -154,23 +152,21 @@ class DeSplatTrainer(Trainer):
 
     # --- a budget ----------------------------------------------------------------------------
 
-    def _begin_budget(self, budget: float) -> BudgetSchedule:
-        """The clock of a run; a new one is planned by its first steps."""
-        least, most = self._model_config.train_downscale, self.config.max_num_iterations
-        if self._plan is None:
-            timed = self._time_steps(least)
-            self._settle(plan_budget(budget, self._seconds(), timed, least, most))
-            self.pipeline.start_model_anew()
-        assert self._plan is not None
+    def _begin_budget(self, budget: float) -> None:
+        """Let schedules go by the clock; a new run is planned by its first steps."""
         plan = self._plan
-        scale = self.pipeline.model.schedule.scale
-        schedule = BudgetSchedule(budget, plan, self._seconds, scale)
+        if plan is None:
+            least, most = self._model_config.train_downscale, self.config.max_num_iterations
+            timed = self._time_steps(least)
+            plan = plan_budget(budget, self._seconds(), timed, least, most)
+            self._settle(plan)
+            self.pipeline.start_model_anew()
+        self.pipeline.model.schedule.plan = plan
         size = "full size" if plan.downscale == 1 else f"1/{plan.downscale} of their size"
         announce(
-            f"Budget: {budget:.0f} s, of which {schedule.spent():.0f} are spent. {plan.steps} "
+            f"Budget: {budget:.0f} s, of which {self._seconds():.0f} are spent. {plan.steps} "
             f"steps are planned, with photos in {size}. No evaluation on the way."
         )
-        return schedule
 
     def _settle(self, plan: BudgetPlan) -> None:
         """Give the run the length and the size of photos of a plan; config.yml has them then."""
@@ -203,7 +199,7 @@ class DeSplatTrainer(Trainer):
         return median(timed[0][1:]), median(timed[1][1:])
 
     def _seconds(self) -> float:
-        """Since the command began, without compiling."""
+        """Since the command began, without compiling; of a run that goes on all that is spent."""
         return time.monotonic() - self._started
 
     # --- the loop ----------------------------------------------------------------------------
@@ -257,13 +253,14 @@ class DeSplatTrainer(Trainer):
         self._steps_done = step + 1
         if self._stop_is_asked or self.optimizers.exhausted:
             self.stop_training = True  # nerfstudio clears it once its viewer is filled
-        if self._budget is not None:
-            self._budget_is_up = self._budget.after_step(step)
+        if self._plan is not None:
+            budget, is_first = seconds_of(self.config.budget), step == self._start_step
+            self._budget_is_up = self._plan.after_step(step, self._seconds(), budget, is_first)
             self.stop_training |= self._budget_is_up
         return loss.detach(), {name: term.detach() for name, term in terms.items()}, metrics
 
     def eval_iteration(self, step: int) -> None:
-        """Evaluate where it is due, and leave the random generators as they were.
+        """Evaluate the static scene, where it is due, and leave the random generators as they were.
 
         So training does not depend on what is evaluated when, nor on what a metric draws when it
         is first built: a resumed run builds it at another step than one in one go. Where it fails,
@@ -275,7 +272,8 @@ class DeSplatTrainer(Trainer):
             return
         state = resume.rng_state()
         try:
-            super().eval_iteration(step)
+            with self.pipeline.static_scene():
+                super().eval_iteration(step)
         except Exception:
             resume.restore_rng(state)
             self.save_checkpoint(step)
@@ -302,18 +300,15 @@ class DeSplatTrainer(Trainer):
         writer.write_out_storage()
         for callback in self.callbacks:
             callback.run_callback_at_location(self.step, TrainingCallbackLocation.AFTER_TRAIN)
-        for line in self._outcome() if is_whole else [f"Stopped. {self._how_to_go_on()}"]:
-            announce(line)
-
-    def _outcome(self) -> list[str]:
-        """What came out, and the commands that take it up."""
+        if not is_whole:
+            announce(f"Stopped. {self._how_to_go_on()}")
+            return
         model, config = self.pipeline.model, quote(str(self.base_dir / "config.yml"))
-        return [
-            f"{self._steps_done} steps: {len(model.gauss_params['means'])} static Gaussians.",
-            *model.found_in_the_way(),
-            f"Next: desplat-report --load-config {config}",
-            f"      desplat-export page --load-config {config} --output scene.html",
-        ]
+        announce(f"{self._steps_done} steps: {len(model.gauss_params['means'])} static Gaussians.")
+        for line in model.found_in_the_way():
+            announce(line)
+        announce(f"Next: desplat-report --load-config {config}")
+        announce(f"      desplat-export page --load-config {config} --output scene.html")
 
     def _how_to_go_on(self) -> str:
         saved = checkpoints_in(self.checkpoint_dir)
@@ -369,11 +364,9 @@ class DeSplatTrainer(Trainer):
 
     def _load_checkpoint(self) -> None:
         """Go on from --load-checkpoint or --load-dir, if given. Raises CheckpointError."""
-        saved, self._saved = self._saved, None
-        if saved is None:
-            announce("No checkpoint given: training from scratch.")
+        if self._saved is None:
             return
-        path, state = saved
+        (path, state), self._saved = self._saved, None
         self.pipeline.load_pipeline(state["pipeline"], state["step"])
         load_moments(self.optimizers, state["optimizers"])
         self._start_step = self._steps_done = state["step"] + 1

@@ -119,8 +119,8 @@ def test_a_machine_that_gets_slower_brings_the_schedules_to_their_end(config, cl
 def test_a_stopped_run_goes_on_and_counts_what_was_spent(config, clock, stopped_at):
     """Also after more steps than had been planned, and if photos load slowly the second time."""
     first = set_up(config)
-    after_step = first._budget.after_step
-    first._budget.after_step = lambda step: after_step(step) or step == stopped_at
+    after_step = first._plan.after_step
+    first._plan.after_step = lambda step, *rest: after_step(step, *rest) or step == stopped_at
     first.train()
     spent = newest(first)["budget"]["spent"]
     assert spent == pytest.approx(clock.now) and spent < 0.9 * BUDGET

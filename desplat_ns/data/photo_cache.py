@@ -25,9 +25,6 @@ SHARE = 0.4
 AHEAD = 16
 """Photos that are read before their turn, at most."""
 
-MOST_READERS = 8
-"""Photos that are read at once, at most."""
-
 
 def photo_bytes(dataset: CaptureDataset, image_type: ImageType) -> list[int]:
     """Bytes of each decoded photo. The first is read, and its bytes for a pixel taken for all."""
@@ -68,8 +65,7 @@ class BoundedPhotos(Sequence[Photo]):
         self._ahead = max(0, min(AHEAD, most - 1))
         self._stay = range(most - 1 - self._ahead)
         self._held: dict[int, Future[Photo]] = {}
-        readers = min(MOST_READERS, cores())
-        self._pool = ThreadPoolExecutor(readers, thread_name_prefix="photos")
+        self._pool = ThreadPoolExecutor(min(AHEAD, cores()), thread_name_prefix="photos")
 
     def __len__(self) -> int:
         return self._count

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -101,13 +101,14 @@ def early_rate_factor(step: int, warmup: int, wanted: int) -> float:
 class Schedule:
     """The nominal step at each step of a run of a given length."""
 
-    def __init__(self, scale: float = 1.0):
-        """`scale`: steps of the run for each nominal step."""
-        self.scale = scale
+    def __init__(self, scale: float = 1.0, plan: BudgetPlan | None = None):
+        """`scale`: steps of the run for each nominal step. `plan`: of a run with a budget, whose
+        clock says where it stands."""
+        self.scale, self.plan = scale, plan
 
     def nominal(self, step: int) -> int:
         """The nominal step that belongs to a step of the run."""
-        return round(step / self.scale)
+        return round((step if self.plan is None else self.plan.reached) / self.scale)
 
 
 TIMED_STEPS = 10
@@ -143,6 +144,25 @@ class BudgetPlan:
     reached: float = 0.0
     """Position in the schedules, in planned steps."""
 
+    def after_step(self, step: int, now: float, budget: float, is_first: bool) -> bool:
+        """Go on after a step of the run by as large a share of what is ahead as it used of the time
+        that was left: so the schedules end when the time does. Where the number of steps ends the
+        run, not the time, they end with it.
+
+        Args:
+            now, budget: seconds of the run, until now and in all.
+            is_first: of this process, in which photos are read and kernels loaded: it counts as one
+                planned step however long it took.
+
+        Returns:
+            Whether the run is over.
+        """
+        end, ahead = budget - END_SECONDS, self.steps - self.reached
+        moved = 1.0 if is_first else ahead * min(1.0, (now - self.spent) / (end - self.spent))
+        self.reached += min(ahead, max(moved, ahead / max(1, self.most - step)))
+        self.spent = now
+        return now >= end or step + 1 >= self.most
+
 
 def plan_budget(
     budget: float, spent: float, timed: tuple[float, float], downscale: int, most: int
@@ -158,10 +178,9 @@ def plan_budget(
     Raises:
         ConfigError: fewer than `FEWEST_STEPS` fit, and more are wanted.
     """
-    larger, smaller = (GROWTH * seconds for seconds in timed)
-    left, a_step = budget - spent - END_SECONDS, larger
-    if left / larger < min(STEPS_WANTED, most):
-        a_step, downscale = smaller, 2 * downscale
+    left, a_step = budget - spent - END_SECONDS, GROWTH * timed[0]
+    if left / a_step < min(STEPS_WANTED, most):
+        a_step, downscale = GROWTH * timed[1], 2 * downscale
     steps, fewest = min(most, int(left / a_step)), min(FEWEST_STEPS, most)
     if steps < fewest:
         needed = spent + END_SECONDS + 1.2 * fewest * a_step
@@ -193,49 +212,9 @@ def saved_plan(path: Path, state: Mapping[str, Any], budget: float, spent: float
         raise ConfigError(
             f"There is nothing left to train: {spent:.0f} of {budget:.0f} s are spent, and "
             f"{reached} of {plan.steps} planned steps are done. A run that was stopped goes on "
-            "with a larger --budget (the total); one that came to its end has had its schedules."
+            "with a larger --budget, the total."
         )
     return plan
-
-
-class BudgetSchedule(Schedule):
-    """Goes by the clock: each step takes the schedules on by as large a share of what is ahead as
-    it used of the time that was left. So they end when the budget does."""
-
-    def __init__(
-        self, budget: float, plan: BudgetPlan, seconds: Callable[[], float], scale: float = 1.0
-    ):
-        """Args:
-        budget: seconds in all.
-        plan: is changed as time goes on.
-        seconds: gives the seconds since this process began.
-        scale: planned steps for each nominal step.
-        """
-        super().__init__(scale)
-        self.budget, self.plan = budget, plan
-        self._seconds, self._before, self._has_begun = seconds, plan.spent, False
-
-    def nominal(self, step: int) -> int:
-        """The nominal step at hand; after `after_step` the next one."""
-        return round(self.plan.reached / self.scale)
-
-    def spent(self) -> float:
-        """Seconds, earlier processes included."""
-        return self._before + self._seconds()
-
-    def after_step(self, step: int) -> bool:
-        """Advance once a step of the run is done. Returns whether the run is over.
-
-        The first step of a process, in which photos are read and kernels loaded, advances by one
-        planned step however long it took. Where the number of steps ends the run, not the time, the
-        position advances so far that the schedules end with it.
-        """
-        plan, now, end = self.plan, self.spent(), self.budget - END_SECONDS
-        ahead, left, used = plan.steps - plan.reached, end - plan.spent, now - plan.spent
-        moved = ahead * min(1.0, used / left) if self._has_begun else 1.0
-        plan.reached += min(ahead, max(moved, ahead / max(1, plan.most - step)))
-        plan.spent, self._has_begun = now, True
-        return now >= end or step + 1 >= plan.most
 
 
 def seconds_of(text: str, option: str = "--budget") -> float:

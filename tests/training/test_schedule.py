@@ -18,7 +18,7 @@ from desplat_ns.training.schedule import (
     MOST_RATE_FACTOR,
     STEPS_WANTED,
     BudgetPlan,
-    BudgetSchedule,
+    Schedule,
     early_rate_factor,
     plan_budget,
     rate_factor,
@@ -102,21 +102,19 @@ def test_a_saved_plan_is_gone_on_with_unless_nothing_is_left():
 
 
 class Machine:
-    """A clock that runs as fast as its steps cost."""
+    """Trains a plan in a budget by a clock of its own, which runs as fast as its steps cost."""
 
     def __init__(self, start: float, seconds: Callable[[int, float], float]):
         self.now, self.seconds = start, seconds
 
-    def clock(self, budget: float, plan: BudgetPlan) -> BudgetSchedule:
-        return BudgetSchedule(budget, plan, lambda: self.now)
-
-    def train(self, clock: BudgetSchedule, step: int = 0) -> int:
-        """Steps done when the clock says that it is over."""
+    def train(self, budget: float, plan: BudgetPlan, first: int = 0) -> int:
+        """Steps done when it is over."""
+        step, self.now = first, self.now + plan.spent
         while True:
             self.now += self.seconds(step, self.now)
+            if plan.after_step(step, self.now, budget, step == first):
+                return step + 1
             step += 1
-            if clock.after_step(step - 1):
-                return step
 
 
 def a_plan(steps: int, most: int = 10**6, **options: float) -> BudgetPlan:
@@ -132,34 +130,34 @@ def test_schedules_and_time_end_together(pace, slower, at):
     budget, steps = 120.0, int((120 - 10) / 0.05)
     longest = 0.05 * pace * max(1.0, slower)
     machine = Machine(10.0, lambda _, now: 0.05 * pace * (slower if now > at * budget else 1))
-    clock = machine.clock(budget, a_plan(steps))
-    machine.train(clock)
+    plan = a_plan(steps)
+    machine.train(budget, plan)
     assert 0 <= machine.now - (budget - END_SECONDS) <= longest + 1e-9
-    assert clock.plan.reached == pytest.approx(steps)
+    assert plan.reached == pytest.approx(steps)
 
 
 @pytest.mark.parametrize(("budget", "most"), [(100.0, 2500), (1000.0, 2000)])
 def test_a_run_ends_at_the_most_steps_and_its_schedules_with_it(budget, most):
     machine = Machine(0.0, lambda _, __: 0.01)
-    clock = machine.clock(budget, a_plan(2000, most))
-    assert machine.train(clock) == most
-    assert clock.plan.reached == pytest.approx(2000, abs=1)
+    plan = a_plan(2000, most)
+    assert machine.train(budget, plan) == most
+    assert plan.reached == pytest.approx(2000, abs=1)
 
 
 def test_a_first_step_that_reads_the_photos_is_taken_for_no_pace():
     """It takes 30 s, the others what is expected of them; also where a run goes on."""
     for first, spent, reached in ((0, 0.0, 0.0), (1000, 60.0, 900.0)):
         machine = Machine(10.0, lambda step, _, first=first: 30.0 if step == first else 0.05)
-        clock = machine.clock(120.0, a_plan(2000, spent=spent, reached=reached))
-        assert clock.nominal(first) == reached
-        steps = machine.train(clock, first) - first
+        plan = a_plan(2000, spent=spent, reached=reached)
+        assert Schedule(0.5, plan).nominal(first) == 2 * reached
+        steps = machine.train(120.0, plan, first) - first
         assert steps == pytest.approx((120 - END_SECONDS - spent - 40) / 0.05, abs=2)
-        assert spent + machine.now == pytest.approx(120 - END_SECONDS, abs=0.06)
+        assert machine.now == pytest.approx(120 - END_SECONDS, abs=0.06)
 
 
 @pytest.mark.parametrize("loading", [109.0, 500.0])
 def test_a_budget_that_is_up_once_photos_are_read_ends_the_run(loading):
     """What time is left after reading takes the schedules to their end, if any is left at all."""
     machine = Machine(5.0, lambda step, _: loading if step == 0 else 0.05)
-    steps = machine.train(machine.clock(120.0, a_plan(2000)))
+    steps = machine.train(120.0, a_plan(2000))
     assert steps == pytest.approx(1 + max(0.0, 120 - END_SECONDS - 5 - loading) / 0.05, abs=1)
