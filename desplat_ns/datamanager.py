@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import random
-from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -28,11 +26,11 @@ from desplat_ns.data.colmap import with_pycolmap
 from desplat_ns.data.dataset import CaptureDataset, Photo, PhotoReader
 from desplat_ns.data.gt_masks import METADATA_KEY
 from desplat_ns.data.on_the_go import on_the_go_dataparser
-from desplat_ns.data.photo_cache import BoundedPhotos, PhotoMemory, PhotosOfCameras
+from desplat_ns.data.photo_cache import SHARE, BoundedPhotos, free_memory, photo_bytes
 from desplat_ns.data.robustnerf import robustnerf_dataparser
 from desplat_ns.data.training_views import image_names
 from desplat_ns.data.transforms_json import TransformsDataParser
-from desplat_ns.errors import CaptureError, CheckpointError, ConfigError
+from desplat_ns.errors import CaptureError, ConfigError
 from desplat_ns.layouts.dataparser import DeSplatDataParserConfig, desplat_dataparser
 from desplat_ns.photo_tourism.dataparser import photo_tourism_dataparser
 from desplat_ns.settings.options import check_ranges, ranged
@@ -66,6 +64,11 @@ class DeSplatDataManagerConfig(FullImageDatamanagerConfig):
     """GB of memory for decoded photos. Where they take more, they are read again and again, before
     their turn and in the background, which changes nothing else. By default 40% of the
     memory that is free."""
+
+    def setup(self, **kwargs: Any) -> DeSplatDataManager:
+        """The data manager, once the dataparser is settled."""
+        self.settle_dataparser()
+        return super().setup(**kwargs)
 
     def settle_dataparser(self) -> DataParserConfig:
         """Put the dataparser that reads the capture in the place of `desplat-data`, and ours in
@@ -120,18 +123,6 @@ class DeSplatDataManager(FullImageDatamanager[CaptureDataset]):
 
     config: DeSplatDataManagerConfig
 
-    def __init__(
-        self,
-        config: DeSplatDataManagerConfig,
-        device: torch.device | str = "cpu",
-        test_mode: Literal["test", "val", "inference"] = "val",
-        world_size: int = 1,
-        local_rank: int = 0,
-        **kwargs: Any,
-    ):
-        config.settle_dataparser()
-        super().__init__(config, device, test_mode, world_size, local_rank, **kwargs)
-
     def create_train_dataset(self) -> CaptureDataset:
         """Training photos, numbered.
 
@@ -145,7 +136,8 @@ class DeSplatDataManager(FullImageDatamanager[CaptureDataset]):
                 " Check the options that choose them (--eval-mode, --train-split-fraction, "
                 "or train_list.txt)."
             )
-        self._check_photos(dataset)
+        if self.test_mode != "inference":  # ns-render and ns-viewer may never look at the photos
+            dataset.check_photos()
         numbers = torch.arange(len(dataset))[:, None]
         dataset.cameras.metadata = {**(dataset.cameras.metadata or {}), "train_idx": numbers}
         dataset.metadata["train_cameras"] = dataset.cameras
@@ -165,7 +157,8 @@ class DeSplatDataManager(FullImageDatamanager[CaptureDataset]):
                 "are used for training. Hold some out with --eval-mode interval (every eighth), or "
                 "with a smaller --train-split-fraction."
             )
-        self._check_photos(dataset)
+        if self.test_mode != "inference":
+            dataset.check_photos()
         return dataset
 
     @property
@@ -186,7 +179,6 @@ class DeSplatDataManager(FullImageDatamanager[CaptureDataset]):
     def sampler_state(self) -> dict[str, Any]:
         """The order in which views come next, as numbers and lists only."""
         state: dict[str, Any] = {
-            "num_views": len(self.train_dataset),
             "unseen": [int(i) for i in self.train_unseen_cameras],
             "eval_unseen": [int(i) for i in self.eval_unseen_cameras],
         }
@@ -198,16 +190,7 @@ class DeSplatDataManager(FullImageDatamanager[CaptureDataset]):
         return state
 
     def load_sampler_state(self, state: dict[str, Any]) -> None:
-        """Go on with the order that `sampler_state` gave.
-
-        Raises:
-            CheckpointError: the state belongs to another number of training views.
-        """
-        if state["num_views"] != len(self.train_dataset):
-            raise CheckpointError(
-                f"The checkpoint was trained on {state['num_views']} photos; {self.get_datapath()} "
-                f"gives {len(self.train_dataset)}. Give the same --data and split options as then."
-            )
+        """Go on with the order that `sampler_state` gave, of the same training views."""
         self.train_unseen_cameras = list(state["unseen"])
         if all(i < len(self.eval_dataset) for i in state["eval_unseen"]):
             self.eval_unseen_cameras = list(state["eval_unseen"])
@@ -217,11 +200,6 @@ class DeSplatDataManager(FullImageDatamanager[CaptureDataset]):
             self.random_generator.setstate((version, tuple(numbers), gauss))
         if "unsampled" in state:
             self.train_unsampled_epoch_count = np.array(state["unsampled"])
-
-    def _check_photos(self, dataset: CaptureDataset) -> None:
-        # "inference" (ns-render, ns-viewer) may never look at the photos.
-        if self.test_mode != "inference":
-            dataset.check_photos()
 
     # --- photos in memory --------------------------------------------------------------------
 
@@ -239,45 +217,32 @@ class DeSplatDataManager(FullImageDatamanager[CaptureDataset]):
         cameras = self.train_dataset.cameras
         return int(cameras.width[0] * cameras.height[0])
 
-    @property
-    def fixed_indices_eval_dataloader(self) -> Any:
-        """Held-out cameras and photos in their order, by their numbers."""
-        photos: Any = self.cached_eval
-        if isinstance(photos, BoundedPhotos):
-            return PhotosOfCameras(self.eval_dataset.cameras, photos, self.device)
-        return super().fixed_indices_eval_dataloader
-
-    @cached_property
-    def _memory(self) -> PhotoMemory:
-        splits = {"train": self.train_dataset, "eval": self.eval_dataset}
-        config = self.config
-        return PhotoMemory(splits, config.cache_images_type, self.device, config.photo_memory)
-
     def _load_images(
         self, split: Literal["train", "eval"], cache_images_device: Literal["cpu", "gpu"]
     ) -> Any:
-        """Photos by their numbers: all of them, or `BoundedPhotos` where they do not fit."""
-        memory, is_training = self._memory, self.test_mode == "val"
+        """Photos by their numbers: all of them, or `BoundedPhotos` of training where they do not
+        fit beside the held-out ones."""
         # Upstream pins memory for "cpu", which needs a CUDA driver; "gpu" means `self.device`.
         if torch.device(self.device).type == "cpu":
             cache_images_device = "gpu"
-        elif not memory.fit_device:
-            cache_images_device = "cpu"
-        fit = memory.fit_device if cache_images_device == "gpu" else memory.fit
-        if fit and (is_training or split == "eval"):  # else few training photos are looked at
+        if split == "eval":
             return super()._load_images(split, cache_images_device)
-        dataset = self.train_dataset if split == "train" else self.eval_dataset
-        if is_training and split == "train":
+        kind, memory = self.config.cache_images_type, self.config.photo_memory
+        place = torch.device(self.device if cache_images_device == "gpu" else "cpu")
+        room = SHARE * free_memory(place) if memory is None else 1e9 * memory
+        needed = photo_bytes(self.train_dataset, kind)
+        room -= sum(photo_bytes(self.eval_dataset, kind))
+        is_training = self.test_mode == "val"  # else few training photos are looked at
+        if is_training and sum(needed) <= room:
+            return super()._load_images(split, cache_images_device)
+        most = int(room // max(needed))
+        if is_training:
             announce(
-                f"Photos take {memory.needed / 1e9:.3g} GB decoded. {memory.room / 1e9:.3g} GB of "
-                "them are held at a time; the others are read before their turn."
+                f"Training photos take {sum(needed) / 1e9:.3g} GB decoded. {max(1, most)} of "
+                f"{len(needed)} are held at a time; the others are read before their turn."
             )
-
-        def upcoming(index: int) -> Iterable[int]:
-            if split == "eval":
-                return range(index + 1, len(dataset))
-            return self.train_unseen_cameras if is_training else ()
-
-        reader = PhotoReader(dataset, self.config.cache_images_type)
+        reader = PhotoReader(self.train_dataset, kind)
         self.train_cameras = self.train_dataset.cameras.to(self.device)
-        return BoundedPhotos(reader, memory.sizes[split], memory.room_of(split), upcoming)
+        return BoundedPhotos(
+            reader, len(needed), most, lambda: self.train_unseen_cameras if is_training else ()
+        )

@@ -59,13 +59,9 @@ def splatfacto_modules_without_cuda(model: SplatfactoModel) -> Iterator[None]:
     finally:
         model.seed_points = seed
     if len(colors) > 0 and not model.config.random_init:
-        model.gauss_params["features_dc"] = torch.nn.Parameter(_features_dc(model, colors))
-
-
-def _features_dc(model: SplatfactoModel, colors: torch.Tensor) -> torch.Tensor:
-    """Zeroth-order features [N, 3] of colours [N, 3] in 0..255, as Splatfacto initializes them."""
-    unit = colors.float() / 255
-    return RGB2SH(unit) if model.config.sh_degree > 0 else torch.logit(unit, eps=1e-10)
+        unit = colors.float() / 255  # [N, 3], of 8 bits
+        features = RGB2SH(unit) if model.config.sh_degree > 0 else torch.logit(unit, eps=1e-10)
+        model.gauss_params["features_dc"] = torch.nn.Parameter(features)
 
 
 _upstream_colormap_options = control_panel._get_colormap_options
@@ -168,17 +164,13 @@ def load_evaluated_checkpoints_like_resumed_ones() -> None:
         return
 
     def load(config: Any, pipeline: Any) -> tuple[Path, int]:
-        if not _is_ours(config):
+        if not type(config).__module__.startswith("desplat_ns."):
             return upstream(config, pipeline)
         path, state = load_newest(config.load_dir, config.load_step)
         pipeline.load_pipeline(state["pipeline"], state["step"])
         return path, state["step"]
 
     eval_utils.eval_load_checkpoint = load
-
-
-def _is_ours(config: Any) -> bool:
-    return type(config).__module__.startswith("desplat_ns.")
 
 
 def write_enumerations_by_value() -> None:

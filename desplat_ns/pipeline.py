@@ -30,9 +30,6 @@ from desplat_ns.nerfstudio_quirks import (
 )
 from desplat_ns.training.resume import SceneRecord
 
-MOST_TOLD = 1000
-"""Letters of torch's message about parameters that do not fit: there may be thousands."""
-
 
 @dataclass
 class DeSplatPipelineConfig(VanillaPipelineConfig):
@@ -85,19 +82,10 @@ class DeSplatPipeline(VanillaPipeline):
     # --- evaluation --------------------------------------------------------------------------
 
     @contextmanager
-    def _static_scene(self) -> Iterator[None]:
+    def static_scene(self) -> Iterator[None]:
+        """Within, the static scene is drawn, whatever an open viewer shows."""
         with self._model.layer_control.suspended(), self._model.shown_light.suspended():
             yield
-
-    def get_eval_loss_dict(self, step: int) -> Any:
-        """Upstream's, of the static scene whatever an open viewer shows."""
-        with self._static_scene():
-            return super().get_eval_loss_dict(step)
-
-    def get_eval_image_metrics_and_images(self, step: int) -> Any:
-        """Upstream's, of the static scene whatever an open viewer shows."""
-        with self._static_scene():
-            return super().get_eval_image_metrics_and_images(step)
 
     def get_average_image_metrics(
         self,
@@ -147,7 +135,7 @@ class DeSplatPipeline(VanillaPipeline):
         was_training = self.training
         self.eval()
         try:
-            with self._static_scene():
+            with self.static_scene():
                 if not in_full:
                     return evaluate_in_training(self._model, images, names, show)
                 masks = self.datamanager.gt_masks()
@@ -191,7 +179,7 @@ class DeSplatPipeline(VanillaPipeline):
             super().load_state_dict(state_dict, strict=True)
         except (RuntimeError, KeyError) as error:
             raise CheckpointError(
-                f"The checkpoint does not fit this model: {str(error)[:MOST_TOLD]}. Load it with "
+                f"The checkpoint does not fit this model: {error}. Load it with "
                 "the options of the run that saved it, which stand in that run's config.yml; if it "
                 "is of another version, train anew."
             ) from error

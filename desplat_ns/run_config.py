@@ -24,7 +24,6 @@ from desplat_ns.survey.survey import decided_effects
 from desplat_ns.training.checkpoint import checkpoint_folder, load_checkpoint, load_newest
 from desplat_ns.training.resume import SceneRecord
 from desplat_ns.training.schedule import (
-    COUNTED_VIEWS,
     GPU_VISITS,
     seconds_of,
     steps_for_visits,
@@ -59,17 +58,6 @@ class RunConfig(TrainerConfig):
     are; then schedules follow the clock. Compiling kernels, once for each machine, does not count.
     """
 
-    def resolve_schedule_scale(self) -> None:
-        """Settle the model's `schedule_scale`, from the numbers of steps where it is None; not yet
-        where the photos decide how many there are.
-
-        Once settled it stays, whatever becomes of the numbers of steps.
-        """
-        model = cast(DeSplatModelConfig, self.pipeline.model)
-        if model.schedule_scale is None and self.max_num_iterations != 0:
-            ratio = self.max_num_iterations / self.nominal_num_iterations
-            model.schedule_scale = min(1.0, ratio)
-
     def print_to_terminal(self) -> None:
         """Name the run, in place of nerfstudio's hundreds of lines: config.yml has the settings."""
         data, config = self.pipeline.datamanager.data, self.get_base_dir() / "config.yml"
@@ -88,7 +76,6 @@ class RunConfig(TrainerConfig):
                 "--machine.num-devices and --machine.num-machines ask for several processes; this "
                 "method trains in one. Leave both at 1."
             )
-        self.resolve_schedule_scale()
 
     def write_config(self) -> None:
         """Write config.yml with all that was settled: ns-eval has no trainer to do it.
@@ -100,8 +87,7 @@ class RunConfig(TrainerConfig):
         super().save_config()
 
     def setup(self, **kwargs: Any) -> Any:
-        """Build the trainer, the schedule scale and the dataparser settled before it builds the
-        pipeline. config.yml then names the dataparser that was recognised.
+        """Build the trainer, once the dataparser is recognised.
 
         Raises:
             CaptureError: no capture is found.
@@ -146,27 +132,28 @@ class RunConfig(TrainerConfig):
         model = self.pipeline.model
         if not (isinstance(model, DeSplatModelConfig) and model.effects.auto):
             return None
-        if saved is None and not model.effects.is_open:
-            return None
-        if saved is None:
+        if saved is not None:
+            record = SceneRecord.from_state(saved[1]["pipeline"].get("_extra_state"))
+            model.effects = model.effects.decided(Effects(**record.effects))
+        elif model.effects.is_open:
             model.effects, findings = decided_effects(model.effects, capture())
             return findings
-        record = SceneRecord.from_state(saved[1]["pipeline"].get("_extra_state"))
-        model.effects = model.effects.decided(Effects(**record.effects))
         return None
 
     def settle_length(self, capture: Capture) -> None:
         """Where no number of steps is given, as many as the photos of a capture ask for, or with a
-        budget the method's own number at most; config.yml then has them."""
+        budget the method's own number at most; and the model's `schedule_scale`, where it is None.
+        Once settled it stays, whatever becomes of the number of steps."""
         if self.max_num_iterations == 0 and self.visits > 0 and not self.budget:
             photos = len(capture().cameras)
             visits = self.visits * (1 if self.machine.device_type == "cpu" else GPU_VISITS)
             steps = steps_for_visits(visits, photos, self.nominal_num_iterations)
             self.max_num_iterations = steps
-            few = f", since fewer than {COUNTED_VIEWS} count as {COUNTED_VIEWS}"
             announce(
-                f"{steps} steps: {photos} photos, {steps / photos:.3g} visits of each"
-                f"{few * (photos < COUNTED_VIEWS)}. --max-num-iterations gives another number."
+                f"{steps} steps: {photos} photos, {steps / photos:.3g} visits of each. "
+                "--max-num-iterations gives another number."
             )
         self.max_num_iterations = self.max_num_iterations or self.nominal_num_iterations
-        self.resolve_schedule_scale()
+        model = cast(DeSplatModelConfig, self.pipeline.model)
+        if model.schedule_scale is None:
+            model.schedule_scale = min(1.0, self.max_num_iterations / self.nominal_num_iterations)

@@ -9,7 +9,7 @@ import copy
 import sys
 import time
 from contextlib import ExitStack, suppress
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field
 from functools import cache, partial
 from pathlib import Path
 from shlex import quote
@@ -30,8 +30,7 @@ from desplat_ns.backend.registry import compile_kernels
 from desplat_ns.console import announce
 from desplat_ns.datamanager import DeSplatDataManagerConfig, training_split
 from desplat_ns.errors import CaptureError, CheckpointError
-from desplat_ns.files.whole import only_process_in, plain_errors
-from desplat_ns.gaussians.strategy import UNLIMITED
+from desplat_ns.files.whole import plain_errors
 from desplat_ns.nerfstudio_quirks import train_on_where_logs_cannot_be_written
 from desplat_ns.pipeline import DeSplatPipeline
 from desplat_ns.run_config import RunConfig, SavedRun
@@ -48,11 +47,8 @@ from desplat_ns.training.checkpoint import (
 )
 from desplat_ns.training.optimizers import follow, load_moments, optimizer_options, set_position
 from desplat_ns.training.schedule import (
-    TIMED_SHARE,
     TIMED_STEPS,
     BudgetPlan,
-    BudgetSchedule,
-    StepSeconds,
     early_rate_factor,
     plan_budget,
     rate_factor,
@@ -91,7 +87,6 @@ class DeSplatTrainer(Trainer):
         self._stop_is_asked = False
         self._started = process_started()
         self._plan: BudgetPlan | None = None
-        self._budget: BudgetSchedule | None = None
         self._budget_is_up = False
         self._folder_lock = ExitStack()
 
@@ -109,8 +104,8 @@ class DeSplatTrainer(Trainer):
                 run, in which another process trains, or that cannot be written.
         """
         config = self.config
-        with run_folder(self.base_dir), ExitStack() as stack:
-            stack.enter_context(only_process_in(self.base_dir))
+        with ExitStack() as stack:
+            stack.enter_context(run_folder(self.base_dir))
             self._saved = config.saved_run()
             refuse_to_replace(self.checkpoint_dir, None if self._saved is None else self._saved[0])
             self._started += compile_kernels(self._model_config.backend, config.machine.device_type)
@@ -119,8 +114,9 @@ class DeSplatTrainer(Trainer):
             findings = config.decide_effects(self._saved, capture)
             config.settle_length(capture)
             if config.budget and self._saved is not None:
-                budget, most = seconds_of(config.budget), config.max_num_iterations
-                self._settle(saved_plan(*self._saved, budget, self._seconds(), most))
+                plan = saved_plan(*self._saved, seconds_of(config.budget), self._seconds())
+                self._settle(plan)
+                self._started -= plan.spent
             super().setup(test_mode)
             with plain_errors(self.base_dir, "--output-dir"):
                 config.write_config()
@@ -137,24 +133,16 @@ class DeSplatTrainer(Trainer):
         """Optimizers whose learning rates go by the clock of the run, as the model does."""
         config, photos = self.config, len(self.pipeline.datamanager.train_image_names)
         if config.budget:
-            self._budget = self._begin_budget(seconds_of(config.budget), photos)
-            self.pipeline.model.schedule = self._budget
+            self._begin_budget(seconds_of(config.budget))
         schedule = self.pipeline.model.schedule
         raised = rate_factor(photos, config.max_num_iterations, config.full_rate_visits)
         warmup, wanted = self._model_config.warmup_of(photos)
-        highest = early_rate_factor(0, warmup, wanted)
-        if max(raised, highest) > 1:
-            until = f", falling until step {wanted * schedule.scale:.0f}" * (highest > raised)
-            announce(
-                f"Learning rates are {max(raised, highest):.3g} times as high{until}: "
-                f"{config.max_num_iterations} steps on {photos} photos are few."
-            )
 
         def early(step: int) -> float:
             return max(1.0, early_rate_factor(schedule.nominal(step), warmup, wanted) / raised)
 
         optimizers = self._guarded_optimizers(raised)
-        follow(optimizers, schedule, early if highest > raised else None)
+        follow(optimizers, schedule, early)
         return optimizers
 
     def _guarded_optimizers(self, raised_by: float = 1.0) -> GuardedOptimizers:
@@ -164,32 +152,21 @@ class DeSplatTrainer(Trainer):
 
     # --- a budget ----------------------------------------------------------------------------
 
-    def _begin_budget(self, budget: float, photos: int) -> BudgetSchedule:
-        """The clock of a run; a new one is planned by its first steps."""
-
-        def reductions(downscale: int, steps: int) -> list[int]:
-            scale = min(1.0, steps / self.config.nominal_num_iterations)
-            run = replace(self._model_config, train_downscale=downscale, schedule_scale=scale)
-            run = run.for_run(photos)
-            return [run.downscale_factor(round(step / scale)) for step in range(steps)]
-
-        if self._plan is None:
+    def _begin_budget(self, budget: float) -> None:
+        """Let schedules go by the clock; a new run is planned by its first steps."""
+        plan = self._plan
+        if plan is None:
             least, most = self._model_config.train_downscale, self.config.max_num_iterations
-            cost = self._time_steps(TIMED_SHARE * budget)
-            self._settle(plan_budget(budget, self._seconds(), cost, reductions, least, most))
+            timed = self._time_steps(least)
+            plan = plan_budget(budget, self._seconds(), timed, least, most)
+            self._settle(plan)
             self.pipeline.start_model_anew()
-        assert self._plan is not None
-        plan, scale = self._plan, self._model_config.schedule_scale
-        cost = StepSeconds(*plan.seconds)
-        costs = [cost.at(reduction) for reduction in reductions(plan.downscale, plan.steps)]
-        schedule = BudgetSchedule(budget, plan, costs, self._seconds, scale or 1.0)
+        self.pipeline.model.schedule.plan = plan
         size = "full size" if plan.downscale == 1 else f"1/{plan.downscale} of their size"
         announce(
-            f"Budget: {budget:.0f} s, of which {schedule.spent():.0f} are spent. The first steps "
-            f"took {1e3 * cost.at(plan.downscale):.0f} ms with photos in {size}: {plan.steps} are "
-            "planned. No evaluation on the way."
+            f"Budget: {budget:.0f} s, of which {self._seconds():.0f} are spent. {plan.steps} "
+            f"steps are planned, with photos in {size}. No evaluation on the way."
         )
-        return schedule
 
     def _settle(self, plan: BudgetPlan) -> None:
         """Give the run the length and the size of photos of a plan; config.yml has them then."""
@@ -199,15 +176,15 @@ class DeSplatTrainer(Trainer):
         config.steps_per_eval_batch = config.steps_per_eval_image = 0
         config.steps_per_eval_all_images = 0
 
-    def _time_steps(self, most_seconds: float) -> StepSeconds:
-        """Seconds of the first steps, with photos of full and of half their size in turns. The
-        first of each size, which reads photos and loads kernels, does not count.
+    def _time_steps(self, least: int) -> tuple[float, float]:
+        """Seconds of a step with photos reduced by `least`, and by twice that: medians of the first
+        steps but for one of each, which reads photos and loads kernels.
 
         The model is to be made anew afterwards: it had the settings of a run of another length.
         """
         timed: tuple[list[float], list[float]] = ([], [])
         model = self.pipeline.model
-        least, model.config.num_downscales = model.config.train_downscale, 0
+        model.config.num_downscales = 0
         self.optimizers = self._guarded_optimizers()
         self.optimizers.is_logged = model.is_logged = False
         for step in range(TIMED_STEPS):
@@ -219,13 +196,10 @@ class DeSplatTrainer(Trainer):
             if self.device != "cpu":
                 torch.cuda.synchronize()
             timed[step % 2].append(self._seconds() - began)
-            if step >= 3 and sum(timed[0][1:] + timed[1][1:]) > most_seconds:
-                break
-        larger, smaller = (median(seconds[1:]) for seconds in timed)
-        return StepSeconds.through(larger, smaller, least)
+        return median(timed[0][1:]), median(timed[1][1:])
 
     def _seconds(self) -> float:
-        """Since the command began, without compiling."""
+        """Since the command began, without compiling; of a run that goes on all that is spent."""
         return time.monotonic() - self._started
 
     # --- the loop ----------------------------------------------------------------------------
@@ -239,14 +213,12 @@ class DeSplatTrainer(Trainer):
             CaptureError: a photo cannot be read any more; what is trained is saved before.
         """
         whole = self.config
-        remaining = whole.max_num_iterations - self._steps_done
-        if self._budget is not None:  # by its clock, whatever had been planned
-            remaining = UNLIMITED
+        total = whole.max_num_iterations if self._plan is None else self._plan.most
+        remaining = total - self._steps_done
         if remaining <= 0:
             announce(
                 f"Nothing left to train: {self._steps_done} steps are done and "
-                f"--max-num-iterations, the total, is {whole.max_num_iterations}. Give more to go "
-                "on; else use the config.yml of the run that wrote the checkpoint.",
+                f"--max-num-iterations, the total, is {total}. Give more to go on.",
                 warning=True,
             )
             self._folder_lock.close()
@@ -269,8 +241,6 @@ class DeSplatTrainer(Trainer):
         finally:
             self._folder_lock.close()
             self.config = whole
-            if self._budget is not None:
-                whole.max_num_iterations = self._steps_done
         if self._ran_to_its_end and not whole.viewer.quit_on_train_completion:
             with suppress(KeyboardInterrupt):
                 self._train_complete_viewer()
@@ -283,13 +253,14 @@ class DeSplatTrainer(Trainer):
         self._steps_done = step + 1
         if self._stop_is_asked or self.optimizers.exhausted:
             self.stop_training = True  # nerfstudio clears it once its viewer is filled
-        if self._budget is not None:
-            self._budget_is_up = self._budget.after_step(step)
+        if self._plan is not None:
+            budget, is_first = seconds_of(self.config.budget), step == self._start_step
+            self._budget_is_up = self._plan.after_step(step, self._seconds(), budget, is_first)
             self.stop_training |= self._budget_is_up
         return loss.detach(), {name: term.detach() for name, term in terms.items()}, metrics
 
     def eval_iteration(self, step: int) -> None:
-        """Evaluate where it is due, and leave the random generators as they were.
+        """Evaluate the static scene, where it is due, and leave the random generators as they were.
 
         So training does not depend on what is evaluated when, nor on what a metric draws when it
         is first built: a resumed run builds it at another step than one in one go. Where it fails,
@@ -301,7 +272,8 @@ class DeSplatTrainer(Trainer):
             return
         state = resume.rng_state()
         try:
-            super().eval_iteration(step)
+            with self.pipeline.static_scene():
+                super().eval_iteration(step)
         except Exception:
             resume.restore_rng(state)
             self.save_checkpoint(step)
@@ -328,26 +300,22 @@ class DeSplatTrainer(Trainer):
         writer.write_out_storage()
         for callback in self.callbacks:
             callback.run_callback_at_location(self.step, TrainingCallbackLocation.AFTER_TRAIN)
-        for line in self._outcome() if is_whole else [f"Stopped. {self._how_to_go_on()}"]:
-            announce(line)
-
-    def _outcome(self) -> list[str]:
-        """What came out, and the commands that take it up."""
+        if not is_whole:
+            announce(f"Stopped. {self._how_to_go_on()}")
+            return
         model, config = self.pipeline.model, quote(str(self.base_dir / "config.yml"))
-        return [
-            f"{self._steps_done} steps: {len(model.gauss_params['means'])} static Gaussians.",
-            *model.found_in_the_way(),
-            f"Next: desplat-report --load-config {config}",
-            f"      desplat-export page --load-config {config} --output scene.html",
-        ]
+        announce(f"{self._steps_done} steps: {len(model.gauss_params['means'])} static Gaussians.")
+        for line in model.found_in_the_way():
+            announce(line)
+        announce(f"Next: desplat-report --load-config {config}")
+        announce(f"      desplat-export page --load-config {config} --output scene.html")
 
     def _how_to_go_on(self) -> str:
-        saved, wanted = checkpoints_in(self.checkpoint_dir), self.config.max_num_iterations
+        saved = checkpoints_in(self.checkpoint_dir)
         if not saved:
-            return f"No checkpoint was saved: {self.checkpoint_dir} holds none."
-        of = "" if self._budget is not None else f" of {self._start_step + wanted}"
+            return "No checkpoint was saved."
         return (
-            f"{step_of(saved[-1]) + 1}{of} steps are saved. To go on, repeat the command with "
+            f"{step_of(saved[-1]) + 1} steps are saved. To go on, repeat the command with "
             f"--load-dir {quote(str(self.checkpoint_dir))}"
         )
 
@@ -382,11 +350,6 @@ class DeSplatTrainer(Trainer):
             return
         if self.config.save_only_latest_checkpoint:
             remove_older(path)
-        if self._budget is not None and self.training_state == "completed":
-            announce(
-                f"Budget: {self._budget.spent():.0f} of {self._budget.budget:.0f} s were spent, for"
-                f" {step + 1} steps; {self._budget.plan.steps} had been planned."
-            )
 
     def _state(self, step: int) -> dict[str, Any]:
         """What nerfstudio's commands read of a checkpoint, and what makes resume exact."""
@@ -401,11 +364,9 @@ class DeSplatTrainer(Trainer):
 
     def _load_checkpoint(self) -> None:
         """Go on from --load-checkpoint or --load-dir, if given. Raises CheckpointError."""
-        saved, self._saved = self._saved, None
-        if saved is None:
-            announce("No checkpoint given: training from scratch.")
+        if self._saved is None:
             return
-        path, state = saved
+        (path, state), self._saved = self._saved, None
         self.pipeline.load_pipeline(state["pipeline"], state["step"])
         load_moments(self.optimizers, state["optimizers"])
         self._start_step = self._steps_done = state["step"] + 1

@@ -82,8 +82,7 @@ def test_a_run_spends_its_budget_on_the_schedules_that_were_planned(config, cloc
     clock.now -= 300.0
     assert 0.9 * BUDGET <= clock.now <= BUDGET
     saved, plan = newest(trainer), newest(trainer)["budget"]
-    assert plan["seconds"] == pytest.approx((0.5, 0.2))
-    assert saved["step"] + 1 == trainer.config.max_num_iterations > plan["steps"] > 15
+    assert saved["step"] + 1 > plan["steps"] == trainer.config.max_num_iterations > 15
     text = (trainer.base_dir / "config.yml").read_text()
     model = yaml.load(text, yaml.UnsafeLoader).pipeline.model
     assert model.schedule_scale == plan["steps"] / 30_000 == trainer.pipeline.model.schedule.scale
@@ -110,7 +109,7 @@ def test_a_machine_that_gets_slower_brings_the_schedules_to_their_end(config, cl
     trainer = set_up(config)
     clock.fixed *= 3
     trainer.train()
-    assert 0.9 * BUDGET <= clock.now <= BUDGET
+    assert 0.9 * BUDGET <= clock.now <= BUDGET + 1.7  # the last step
     plan = newest(trainer)["budget"]
     assert newest(trainer)["step"] + 1 < 0.8 * plan["steps"]
     assert plan["reached"] == pytest.approx(plan["steps"], abs=3)  # a step moves two or three
@@ -120,15 +119,15 @@ def test_a_machine_that_gets_slower_brings_the_schedules_to_their_end(config, cl
 def test_a_stopped_run_goes_on_and_counts_what_was_spent(config, clock, stopped_at):
     """Also after more steps than had been planned, and if photos load slowly the second time."""
     first = set_up(config)
-    after_step = first._budget.after_step
-    first._budget.after_step = lambda step: after_step(step) or step == stopped_at
+    after_step = first._plan.after_step
+    first._plan.after_step = lambda step, *rest: after_step(step, *rest) or step == stopped_at
     first.train()
     spent = newest(first)["budget"]["spent"]
     assert spent == pytest.approx(clock.now) and spent < 0.9 * BUDGET
     clock.now, clock.loading = 0.0, 2.5
     second = train(config, load_dir=first.checkpoint_dir, timestamp="on")
     assert 0.9 * BUDGET <= spent + clock.now <= BUDGET
-    assert newest(second)["budget"]["seconds"] == newest(first)["budget"]["seconds"]
+    assert newest(second)["budget"]["steps"] == newest(first)["budget"]["steps"]
     with pytest.raises(ConfigError, match="nothing left"):
         train(config, load_dir=second.checkpoint_dir, timestamp="more")
 

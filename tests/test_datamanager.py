@@ -18,7 +18,7 @@ from desplat_ns.data.dataset import CaptureDataset
 from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
 from desplat_ns.data.transforms_json import TransformsDataParser
 from desplat_ns.datamanager import DeSplatDataManager, DeSplatDataManagerConfig, without_prompts
-from desplat_ns.errors import CaptureError, CheckpointError, ConfigError
+from desplat_ns.errors import CaptureError, ConfigError
 from desplat_ns.photo_tourism.dataparser import PhotoTourismDataParserConfig
 from tests.helpers.lenses import distort
 
@@ -88,13 +88,6 @@ def test_a_restored_sampler_goes_on_in_the_same_order(tiny_scene, tmp_path: Path
     other = manager(parser, train_cameras_sampling_seed=7)
     other.load_sampler_state(torch.load(tmp_path / "state.pt", weights_only=True))
     assert [other.next_train(step)[1]["image_idx"] for step in range(20)] == expected
-
-
-def test_the_sampler_of_another_capture_is_refused(tiny_scene):
-    data = manager(RobustNerfDataParserConfig(data=tiny_scene.folder))
-    state = {**data.sampler_state(), "num_views": 5}
-    with pytest.raises(CheckpointError, match="5 photos"):
-        data.load_sampler_state(state)
 
 
 def test_one_training_photo_is_an_error(copy: Path):

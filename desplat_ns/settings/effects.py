@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, fields
 from typing import Any, Literal
 
 from desplat_ns.errors import ConfigError
@@ -20,14 +20,10 @@ class Effects:
     background: BackgroundGrade = "off"
 
     @property
-    def on(self) -> dict[str, Any]:
-        """Those that are on, by name."""
-        return {name: grade for name, grade in asdict(self).items() if grade not in (False, "off")}
-
-    @property
     def words(self) -> str:
         """Those that are on, as "distractors, appearance camera"; empty if none is."""
-        return ", ".join(name if v is True else f"{name} {v}" for name, v in self.on.items())
+        on = {name: grade for name, grade in asdict(self).items() if grade not in (False, "off")}
+        return ", ".join(name if grade is True else f"{name} {grade}" for name, grade in on.items())
 
     @property
     def image_embeddings(self) -> bool:
@@ -82,16 +78,13 @@ class EffectsConfig:
                 "`--pipeline.model.effects.auto` is on, but no survey has decided on the effects. "
                 "Training by `ns-train` makes one; elsewhere give each effect."
             )
-        return Effects(**{k: value for k, value in self._given().items() if value is not None})
+        return Effects(**self._given())
 
     def decided(self, surveyed: Effects) -> EffectsConfig:
         """A copy in which `surveyed` stands for what is not given."""
-        effects = replace(self, auto=False)
-        for name, value in self._given().items():
-            if value is None:
-                setattr(effects, name, getattr(surveyed, name))
-        return effects
+        return EffectsConfig(**asdict(surveyed) | self._given())
 
     def _given(self) -> dict[str, Any]:
-        """All effects by name; None for what is not given."""
-        return {name: getattr(self, name) for name in ("distractors", "appearance", "background")}
+        """The effects that are given, by name."""
+        given = {each.name: getattr(self, each.name) for each in fields(Effects)}
+        return {name: value for name, value in given.items() if value is not None}

@@ -17,9 +17,9 @@ import torch
 
 from desplat_ns.console import announce
 from desplat_ns.errors import CheckpointError, ConfigError
-from desplat_ns.files.whole import draft_of, plain_errors
+from desplat_ns.files.whole import draft_of, only_process_in
 
-CHECKPOINT_NAME = re.compile(r"step-(\d+)\.ckpt")
+CHECKPOINT_NAME = re.compile(r"step-\d+\.ckpt")
 STAGING_FOLDER = ".saving"
 """Where a checkpoint is written before it is complete. Beside the checkpoint folder, not in it:
 nerfstudio 1.1.5 takes every name in that folder for a checkpoint and fails on any other."""
@@ -32,9 +32,7 @@ def checkpoint_path(folder: Path, step: int) -> Path:
 
 def step_of(path: Path) -> int:
     """The step in a checkpoint's file name."""
-    match = CHECKPOINT_NAME.fullmatch(path.name)
-    assert match is not None, path
-    return int(match.group(1))
+    return int(path.stem.removeprefix("step-"))
 
 
 def checkpoints_in(folder: Path) -> list[Path]:
@@ -78,12 +76,8 @@ def remove_older(path: Path) -> None:
 
 
 def refuse_to_replace(checkpoints: Path, goes_on_from: Path | None) -> None:
-    """Raise ConfigError where a run would replace the checkpoints of another.
-
-    Args:
-        checkpoints: the run's folder of checkpoints.
-        goes_on_from: the checkpoint that the run starts from; in this folder it is the run's own.
-    """
+    """Raise ConfigError where a run would replace the checkpoints of another in its folder: those
+    are its own that lie beside the one that it goes on from."""
     is_own = goes_on_from is not None and goes_on_from.resolve().parent == checkpoints.resolve()
     saved = checkpoints_in(checkpoints)
     if saved and not is_own:
@@ -96,26 +90,24 @@ def refuse_to_replace(checkpoints: Path, goes_on_from: Path | None) -> None:
 
 @contextmanager
 def run_folder(folder: Path) -> Iterator[None]:
-    """Make a folder and those that it is in. If what is done within fails or is interrupted, those
-    that were made are removed again where they are empty; nothing else ever is.
+    """Within, no other process works in a folder, which is made with those that it is in. Of these
+    the ones that are left empty are removed again; nothing else ever is.
 
     Raises:
-        ConfigError: the folder cannot be made.
+        ConfigError: as `only_process_in`.
         SystemExit: in place of KeyboardInterrupt, after which nerfstudio's commands end with 0.
     """
     made = [path for path in (folder, *folder.parents) if not path.exists()]
-    with plain_errors(folder, "--output-dir"):
-        folder.mkdir(parents=True, exist_ok=True)
     try:
-        yield
-    except BaseException as error:
+        with only_process_in(folder):
+            yield
+    except KeyboardInterrupt:
+        announce("Ended by Ctrl+C before the first step.", warning=True)
+        raise SystemExit(130) from None
+    finally:
         for path in made:  # inner ones first; one that is not empty keeps those around it
             with suppress(OSError):
                 path.rmdir()
-        if isinstance(error, KeyboardInterrupt):
-            announce("Ended by Ctrl+C before the first step.", warning=True)
-            raise SystemExit(130) from None
-        raise
 
 
 # --- read ----------------------------------------------------------------------------------------
@@ -174,6 +166,6 @@ def checkpoint_folder(load_dir: Path, relative_model_dir: Path) -> Path:
         if checkpoints_in(folder):
             return folder
     raise CheckpointError(
-        f"--load-dir {load_dir} holds no checkpoint. Give the folder that ns-train printed after "
-        f"'Saving checkpoints to'; it ends in {relative_model_dir}."
+        f"--load-dir {load_dir} holds no checkpoint. Give a run's folder, or the folder "
+        f"{relative_model_dir} in it."
     )

@@ -57,9 +57,7 @@ def optimizer_options(optimizers: Mapping[str, Any], factor: float = 1.0) -> dic
     return copied
 
 
-def follow(
-    optimizers: Optimizers, schedule: Schedule, early: Callable[[int], float] | None = None
-) -> None:
+def follow(optimizers: Optimizers, schedule: Schedule, early: Callable[[int], float]) -> None:
     """Let all rates go by the nominal steps of a schedule from now on.
 
     Rates are Python floats then: numpy scalars, which nerfstudio 1.1.5 returns, end up in the
@@ -69,20 +67,16 @@ def follow(
         early: factor on the rates of `SHORT_RUN_GROUPS` at a step of the run.
     """
 
-    def read_at(curve: Callable[[int], float], factor: Any) -> Callable[[int], float]:
-        factor = factor or (lambda step: 1.0)
+    def read_at(curve: Any, factor: Callable[[int], float]) -> Callable[[int], float]:
         return lambda step: float(curve(schedule.nominal(step))) * factor(step)
 
-    for name, optimizer in optimizers.optimizers.items():
-        factor = early if name in SHORT_RUN_GROUPS else None
-        if factor is not None and name not in optimizers.schedulers:
-            optimizers.schedulers[name] = LambdaLR(optimizer, lambda step: 1.0)
-        scheduler = optimizers.schedulers.get(name)
-        if scheduler is not None:
-            assert isinstance(scheduler, LambdaLR), "as all that nerfstudio's methods have"
-            curves: list[Any] = list(scheduler.lr_lambdas)
-            scheduler.lr_lambdas = [read_at(curve, factor) for curve in curves]
-            set_position(scheduler, scheduler.last_epoch)
+    schedulers = optimizers.schedulers
+    for name in set(SHORT_RUN_GROUPS) & optimizers.optimizers.keys() - schedulers.keys():
+        schedulers[name] = LambdaLR(optimizers.optimizers[name], lambda step: 1.0)
+    for name, scheduler in schedulers.items():
+        factor = early if name in SHORT_RUN_GROUPS else (lambda step: 1.0)
+        scheduler.lr_lambdas = [read_at(curve, factor) for curve in scheduler.lr_lambdas]
+        set_position(scheduler, scheduler.last_epoch)
 
 
 def set_position(scheduler: LambdaLR, steps_done: int) -> None:

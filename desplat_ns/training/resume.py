@@ -54,13 +54,10 @@ class SceneRecord:
         theirs, ours = self.train_images, here.train_images
         if theirs and ours and theirs != ours:
             different = sorted({*theirs} ^ {*ours})
-            what = (
-                f"other photos, such as '{different[0]}'" if different else "another order of them"
-            )
+            what = f"other photos, such as '{different[0]}'" if different else "another order"
             raise CheckpointError(
                 f"The checkpoint was trained on {len(theirs)} photos, this run has {len(ours)}: "
-                f"{what}. Pass the `--data` and the split options that it was trained with, or "
-                "drop `--load-dir` to train from the start."
+                f"{what}. Pass the `--data` and the split options that it was trained with."
             )
 
 
@@ -80,7 +77,5 @@ def rng_state() -> dict[str, Any]:
 def restore_rng(state: Mapping[str, Any]) -> None:
     """Restore the generators to what `rng_state` gave. GPUs that are not here are left out."""
     torch.set_rng_state(state["torch"])
-    if torch.cuda.is_available():
-        for device, generator in zip(range(torch.cuda.device_count()), state["cuda"], strict=False):
-            torch.cuda.set_rng_state(generator, device)
+    torch.cuda.set_rng_state_all(state["cuda"][: torch.cuda.device_count()])
     random.setstate(state["python"])

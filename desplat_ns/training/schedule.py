@@ -9,13 +9,10 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
 from pathlib import Path
-from statistics import fmean
 from typing import Any
-
-import numpy as np
 
 from desplat_ns.errors import ConfigError
 
@@ -102,59 +99,34 @@ def early_rate_factor(step: int, warmup: int, wanted: int) -> float:
 
 
 class Schedule:
-    """The position in the schedules at each step of a run of a given length."""
+    """The nominal step at each step of a run of a given length."""
 
-    def __init__(self, scale: float = 1.0):
-        """`scale`: steps of the run for each nominal step."""
-        self.scale = scale
+    def __init__(self, scale: float = 1.0, plan: BudgetPlan | None = None):
+        """`scale`: steps of the run for each nominal step. `plan`: of a run with a budget, whose
+        clock says where it stands."""
+        self.scale, self.plan = scale, plan
 
     def nominal(self, step: int) -> int:
         """The nominal step that belongs to a step of the run."""
-        return round(self.position(step) / self.scale)
-
-    def position(self, step: int) -> int | float:
-        """The same in steps of the planned length: without a budget the step itself."""
-        return step
+        return round((step if self.plan is None else self.plan.reached) / self.scale)
 
 
-TIMED_STEPS, TIMED_SHARE = 20, 0.05
-"""First steps that are timed where a run has a budget; fewer where they take more than a share of
-it."""
+TIMED_STEPS = 10
+"""First steps that are timed where a run has a budget."""
 
 GROWTH = 1.5
 """Ratio of the seconds of a step averaged over a run to those of its first steps, at the same photo
 size. The set grows by a factor of 2 to 7, and 7 times the Gaussians double a step's CPU time. The
 clock corrects what this gets wrong."""
 
-SAMPLED_STEPS = 1_000
-"""Length of the run whose photo sizes stand for those of any length in a plan."""
-
-STEPS_WANTED, SMALLEST = 500, 4
-"""Photos are trained on at half or a quarter of their size, no smaller, where fewer steps fit."""
+STEPS_WANTED = 500
+"""Photos are trained on at half of their size where fewer steps fit."""
 
 FEWEST_STEPS = 200
 """A budget for fewer steps is refused, unless fewer are asked for."""
 
 END_SECONDS = 3.0
 """Reserved for the last checkpoint and the end of the process."""
-
-
-@dataclass(frozen=True)
-class StepSeconds:
-    """Seconds of a training step, by the size of its photo: fixed + whole_photo / reduction^2."""
-
-    fixed: float
-    whole_photo: float
-
-    @classmethod
-    def through(cls, larger: float, smaller: float, reduction: int = 1) -> StepSeconds:
-        """From the seconds of a step with photos reduced by `reduction` and by twice that."""
-        pixels = min(max(0.0, (larger - smaller) * 4 / 3), larger)
-        return cls(larger - pixels, pixels * reduction**2)
-
-    def at(self, reduction: int) -> float:
-        """Seconds of a step whose photo is smaller by a factor."""
-        return self.fixed + self.whole_photo / reduction**2
 
 
 @dataclass
@@ -167,42 +139,49 @@ class BudgetPlan:
     """Factor by which photos are smaller in the whole run, at least."""
     most: int
     """Steps beyond which the run does not go on."""
-    seconds: tuple[float, float]
-    """Of a first step: the fields of `StepSeconds`."""
     spent: float = 0.0
     """Seconds of this run, earlier processes included."""
     reached: float = 0.0
     """Position in the schedules, in planned steps."""
 
+    def after_step(self, step: int, now: float, budget: float, is_first: bool) -> bool:
+        """Go on after a step of the run by as large a share of what is ahead as it used of the time
+        that was left: so the schedules end when the time does. Where the number of steps ends the
+        run, not the time, they end with it.
+
+        Args:
+            now, budget: seconds of the run, until now and in all.
+            is_first: of this process, in which photos are read and kernels loaded: it counts as one
+                planned step however long it took.
+
+        Returns:
+            Whether the run is over.
+        """
+        end, ahead = budget - END_SECONDS, self.steps - self.reached
+        moved = 1.0 if is_first else ahead * min(1.0, (now - self.spent) / (end - self.spent))
+        self.reached += min(ahead, max(moved, ahead / max(1, self.most - step)))
+        self.spent = now
+        return now >= end or step + 1 >= self.most
+
 
 def plan_budget(
-    budget: float,
-    spent: float,
-    cost: StepSeconds,
-    reductions: Callable[[int, int], Sequence[int]],
-    downscale: int,
-    most: int,
+    budget: float, spent: float, timed: tuple[float, float], downscale: int, most: int
 ) -> BudgetPlan:
     """How many steps fit into a budget, and with photos of which size.
 
     Args:
         budget, spent: seconds, in all and until now.
-        cost: of the first steps.
-        reductions: gives the reduction of the photo in each step of a run, of the least reduction
-            and the number of steps.
-        downscale: the least reduction.
+        timed: seconds of a first step, with photos reduced by `downscale` and by twice that.
+        downscale: the least reduction of photos.
         most: steps, at most.
 
     Raises:
         ConfigError: fewer than `FEWEST_STEPS` fit, and more are wanted.
     """
-    while True:
-        a_step = GROWTH * fmean(cost.at(each) for each in reductions(downscale, SAMPLED_STEPS))
-        steps = min(most, int((budget - spent - END_SECONDS) / a_step))
-        if steps >= min(STEPS_WANTED, most) or downscale >= SMALLEST:
-            break
-        downscale *= 2
-    fewest = min(FEWEST_STEPS, most)
+    left, a_step = budget - spent - END_SECONDS, GROWTH * timed[0]
+    if left / a_step < min(STEPS_WANTED, most):
+        a_step, downscale = GROWTH * timed[1], 2 * downscale
+    steps, fewest = min(most, int(left / a_step)), min(FEWEST_STEPS, most)
     if steps < fewest:
         needed = spent + END_SECONDS + 1.2 * fewest * a_step
         raise ConfigError(
@@ -210,18 +189,15 @@ def plan_budget(
             f"fit, and a run needs {fewest}. Give {needed:.0f}s or more, or smaller photos (the "
             "data parser's --downscale-factor)."
         )
-    return BudgetPlan(steps, downscale, most, (cost.fixed, cost.whole_photo))
+    return BudgetPlan(steps, downscale, most)
 
 
-def saved_plan(
-    path: Path, state: Mapping[str, Any], budget: float, spent: float, most: int
-) -> BudgetPlan:
+def saved_plan(path: Path, state: Mapping[str, Any], budget: float, spent: float) -> BudgetPlan:
     """The plan in the checkpoint that a run goes on from.
 
     Args:
         path, state: the checkpoint's file and contents.
         budget, spent: seconds, in all and of this process.
-        most: steps, at most; a larger number in the checkpoint stays.
 
     Raises:
         ConfigError: that run had no budget, or nothing is left of it.
@@ -230,77 +206,15 @@ def saved_plan(
         raise ConfigError(
             f"The run of {path} had no --budget: give --max-num-iterations, the total of steps."
         )
-    plan = BudgetPlan(**state["budget"])
-    plan.most = max(plan.most, most)
+    plan = BudgetPlan(**{each.name: state["budget"][each.name] for each in fields(BudgetPlan)})
     spent, reached = plan.spent + spent, round(plan.reached)
     if reached >= plan.steps or spent + END_SECONDS >= budget:
         raise ConfigError(
             f"There is nothing left to train: {spent:.0f} of {budget:.0f} s are spent, and "
             f"{reached} of {plan.steps} planned steps are done. A run that was stopped goes on "
-            "with a larger --budget (the total); one that came to its end has had its schedules."
+            "with a larger --budget, the total."
         )
     return plan
-
-
-class BudgetSchedule(Schedule):
-    """Maps elapsed time to a position in the schedules.
-
-    After each step the position advances by the fraction of the remaining time that the step used:
-    by that fraction of the expected cost of the planned steps ahead. So a machine as fast as
-    expected goes through the plan step by step, one half as fast takes two planned steps at once,
-    and the schedules end when the budget does.
-    """
-
-    def __init__(
-        self,
-        budget: float,
-        plan: BudgetPlan,
-        costs: Iterable[float],
-        seconds: Callable[[], float],
-        scale: float = 1.0,
-    ):
-        """Args:
-        budget: seconds in all.
-        plan: is changed as time goes on.
-        costs: expected seconds of each planned step; only their ratios count.
-        seconds: gives the seconds since this process began.
-        scale: planned steps for each nominal step.
-        """
-        super().__init__(scale)
-        self.budget, self.plan = budget, plan
-        self._costs = np.cumsum([0.0, *costs])
-        self._seconds, self._before = seconds, plan.spent
-        self._last = (-1, 0.0)
-        """The last step that was done in this process, and its position."""
-
-    def position(self, step: int) -> float:
-        """The position at the step at hand; of the one just done its own."""
-        return self._last[1] if step <= self._last[0] else self.plan.reached
-
-    def spent(self) -> float:
-        """Seconds, earlier processes included."""
-        return self._before + self._seconds()
-
-    def after_step(self, step: int) -> bool:
-        """Advance once a step of the run is done. Returns whether the run is over.
-
-        The first step of a process, in which photos are read and kernels loaded, advances by one
-        planned step however long it took. Where the number of steps ends the run, not the time, the
-        position advances so far that the schedules end with it.
-        """
-        plan, now = self.plan, self.spent()
-        end = self.budget - END_SECONDS
-        left, used, ahead = end - plan.spent, now - plan.spent, plan.steps - plan.reached
-        # Planned steps whose expected cost is the used share of the cost of all steps ahead.
-        numbers = np.arange(len(self._costs))
-        done = np.interp(plan.reached, numbers, self._costs)
-        cost = done + (min(1.0, used / left) if left > 0 else 1.0) * (self._costs[-1] - done)
-        by_time = float(np.interp(cost, self._costs, numbers)) - plan.reached
-        moved = max(1.0 if self._last[0] < 0 else by_time, ahead / max(1, plan.most - step))
-        self._last, plan.spent = (step, plan.reached), now
-        plan.reached += min(moved, ahead)
-        is_at_end = plan.steps - plan.reached < 0.5 or step + 1 >= plan.most
-        return is_at_end or now >= end
 
 
 def seconds_of(text: str, option: str = "--budget") -> float:

@@ -89,11 +89,6 @@ class GuardedOptimizers(Optimizers):
         )
 
 
-def parameters_of(optimizer: Optimizer) -> list[Tensor]:
-    """All parameters that an optimizer moves."""
-    return [parameter for group in optimizer.param_groups for parameter in group["params"]]
-
-
 def sum_of_squares(tensors: list[Tensor]) -> Float[Tensor, ""]:
     """Sum of squares of all values: not finite if one of them is not, or is so large (1.8e19 in
     float32) that Adam's second moment would stay infinite and the parameter never move again."""
@@ -104,7 +99,7 @@ def sum_of_squares(tensors: list[Tensor]) -> Float[Tensor, ""]:
 def is_sound(losses: Iterable[Tensor], optimizers: Iterable[Optimizer]) -> bool:
     """Whether the terms of the loss and the gradients of all parameters are finite, which takes one
     pass over the memory."""
-    gradients = [p.grad for each in optimizers for p in parameters_of(each)]
-    gradients = [gradient for gradient in gradients if gradient is not None]
+    groups = [group for each in optimizers for group in each.param_groups]
+    gradients = [p.grad for group in groups for p in group["params"] if p.grad is not None]
     values = [*losses, *([sum_of_squares(gradients)] if gradients else [])]
     return not values or bool(reduce(torch.add, values).isfinite())

@@ -76,7 +76,7 @@ MUTATIONS = (
              "keep[labels[strong]] = True", "keep[labels[weak]] = True",
              "tests/separation/test_regions.py"),
     Mutation("photos are held beyond the bound", "data/photo_cache.py",
-             "used + self._sizes[photo] > self._most", "used > self._most",
+             "range(most - 1 - self._ahead)", "range(most)",
              "tests/data/test_photo_cache.py"),
     Mutation("what stands still ties photos", "process/reconstruction.py",
              "filter_stationary_matches = True", "filter_stationary_matches = False",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import random
 from collections.abc import Callable
+from contextlib import nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import SimpleNamespace
@@ -108,6 +109,9 @@ class StubPipeline(Pipeline):
 
     def get_training_callbacks(self, training_callback_attributes: Any) -> list[Any]:
         return []
+
+    def static_scene(self) -> Any:
+        return nullcontext()
 
     def get_eval_image_metrics_and_images(self, step: int) -> Any:
         draws = torch.rand(3).sum().item() + random.random()

@@ -64,7 +64,7 @@ def learning_rates(config: Any, lr: float, steps: int, scale: float | None = 1.0
     optimizers = Optimizers(optimizer_options({"means": group}), parameters)
     optimizer, rates = optimizers.optimizers["means"], []
     if scale is not None:
-        follow(optimizers, Schedule(scale))
+        follow(optimizers, Schedule(scale), lambda step: 1.0)
     for _ in range(steps):
         rates.append(optimizer.param_groups[0]["lr"])
         optimizer.step()
