@@ -108,18 +108,6 @@ def mask_of(metadata: dict[str, Any], index: int) -> Path | None:
     return path
 
 
-def shadow_mask_of(mask: Path) -> Path | None:
-    """The mask of the shadows that go with a mask, white where one is; None if there is none.
-
-    Of masks/a/b.png it is shadow_masks/a/b.png.
-    """
-    for folder in mask.parents[:-1]:
-        beside = folder.with_name(f"shadow_{folder.name}") / mask.relative_to(folder)
-        if beside.is_file():
-            return beside
-    return None
-
-
 def _any_pixel(path: Path, photo: Tensor) -> Tensor:
     """A mask [H, W, 1] by the evaluation's rule at the photo's size: any pixel that it touches."""
     with Image.open(path) as image:
