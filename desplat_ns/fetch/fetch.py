@@ -136,6 +136,8 @@ def _go_on(address: str, part: Path, progress: Callable[[int, int], None]) -> No
     if have:
         headers["Range"] = f"bytes={have}-"
     with requests.get(address, headers=headers, stream=True, timeout=PATIENCE) as answer:
+        if address.startswith("https:") and not answer.url.startswith("https:"):
+            raise CaptureError(f"{address} leads to {answer.url}, which is not encrypted.")
         if answer.status_code == 416:  # what is there is not a part of the file
             part.unlink()
         if answer.status_code in (416, 429) or answer.status_code >= 500:
@@ -149,9 +151,8 @@ def _go_on(address: str, part: Path, progress: Callable[[int, int], None]) -> No
         left = int(answer.headers.get("Content-Length", 0))
         check_room(part.parent, left, "what is to come has")
         with part.open("ab" if have else "wb") as file:
-            for chunk in answer.iter_content(
-                MEGABYTE
-            ):  # raises where fewer bytes come than promised
+            # Raises where fewer bytes come than promised.
+            for chunk in answer.iter_content(MEGABYTE):
                 file.write(chunk)
                 done = file.tell()
                 progress(done // MEGABYTE, max(done, have + left) // MEGABYTE)

@@ -43,9 +43,13 @@ def find_run(config: Path, data: Path | None = None) -> RunFiles:
     """
     if data is not None and not data.exists():
         raise CaptureError(f"There is no '{data}'. Name the folder of the run's capture by --data.")
-    if not (config.is_file() and config.read_bytes().startswith(OURS)):
+    try:
+        is_ours = config.is_file() and config.read_bytes().startswith(OURS)
+    except OSError:
+        is_ours = False
+    if not is_ours:
         raise ConfigError(
-            f"'{config}' is not the config.yml of a run of desplat. Give the one that "
+            f"'{config}' is not the config.yml of a run of desplat, or cannot be read. Give what "
             "`ns-train desplat` wrote: outputs/<experiment>/<method>/<timestamp>/config.yml."
         )
     saved = sorted(config.parent.glob("[!.]*/step-*.ckpt"))

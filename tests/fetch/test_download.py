@@ -60,6 +60,15 @@ def test_a_file_that_is_shorter_than_it_should_be_is_not_taken(tmp_path: Path):
     assert not (tmp_path / "data.zip").exists()
 
 
+def test_from_an_encrypted_address_nobody_is_led_to_one_that_is_not(tmp_path: Path, monkeypatch):
+    with serving(Site(CONTENT)) as site:
+        get, plain = module.requests.get, site.address
+        monkeypatch.setattr(module.requests, "get", lambda _, **options: get(plain, **options))
+        with pytest.raises(CaptureError, match=plain):
+            download("https://example.org/data.zip", tmp_path / "data.zip", lambda *_: None)
+    assert not any(tmp_path.iterdir())
+
+
 def test_an_address_that_has_moved_and_a_server_that_is_gone_are_named(tmp_path: Path):
     with serving(Site(CONTENT)) as site:
         site.address = site.address.replace("data.zip", "gone.zip")
