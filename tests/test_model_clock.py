@@ -19,8 +19,8 @@ class At(Schedule):
 
     now = 0.0
 
-    def position(self, step: int) -> int | float:
-        return self.now
+    def nominal(self, step: int) -> int:
+        return round(self.now / self.scale)
 
 
 def test_thresholds_of_both_sets_are_read_at_the_clock(monkeypatch):

@@ -32,7 +32,7 @@ def test_nerfstudios_viewer_finds_all_controls_on_the_pipeline():
     controls = parse_object(pipeline, ViewerElement, "Custom Elements")
     assert {path.removeprefix("Custom Elements/model/") for path, _ in controls} == {
         *(f"layer_control/{name}" for name in ("layer", "view")),
-        *(f"shown_light/{name}" for name in ("first", "second", "share")),
+        "shown_light/choice",
     }
     model.layer_control, model.shown_light = LayerControl([]), ShownLight([])
     assert parse_object(pipeline, ViewerElement, "Custom Elements") == []
