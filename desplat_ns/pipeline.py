@@ -14,6 +14,7 @@ from nerfstudio.pipelines.base_pipeline import VanillaPipeline, VanillaPipelineC
 from torch import Tensor
 from torchvision.utils import save_image
 
+from desplat_ns.cores import leave_cores_to_others
 from desplat_ns.data.training_views import image_names
 from desplat_ns.datamanager import DeSplatDataManager
 from desplat_ns.errors import CheckpointError
@@ -59,6 +60,8 @@ class DeSplatPipeline(VanillaPipeline):
             if Path(sys.argv[0]).stem == "ns-render":
                 use_ffmpeg_of_imageio()
             device = where_to_render(cast(DeSplatModelConfig, config.model).backend, device)
+        if torch.device(device).type == "cpu":
+            leave_cores_to_others()
         super().__init__(config, str(device), test_mode, **kwargs)
         give_masks_a_colormap_in_the_viewer()
         load_evaluated_checkpoints_like_resumed_ones()
