@@ -18,9 +18,8 @@ def cores() -> int:
 def leave_cores_to_others() -> None:
     """Give torch half of its threads, once in a process, unless OMP_NUM_THREADS says how many.
 
-    They wait for each other by spinning, and numba's do most of the work: with two threads on two
-    cores a step takes 0 to 15% longer than with one, and 8 times as long where another program has
-    one of the cores.
+    They wait for each other by spinning, which takes the time of a step several times over where
+    another program has one of the cores; numba's do most of the work (docs/results/speed.md).
     """
     import torch  # here, as it takes long, and other commands count cores
 
