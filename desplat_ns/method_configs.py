@@ -14,7 +14,7 @@ from desplat_ns.datamanager import DeSplatDataManagerConfig
 from desplat_ns.errors import print_user_errors_plainly
 from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.model_config import DeSplatModelConfig
-from desplat_ns.nerfstudio_quirks import read_only_configurations
+from desplat_ns.nerfstudio_quirks import name_callers_quickly, read_only_configurations
 from desplat_ns.photo_tourism.config import AppearanceConfig
 from desplat_ns.pipeline import DeSplatPipelineConfig
 from desplat_ns.settings.effects import EffectsConfig
@@ -23,6 +23,7 @@ from desplat_ns.training.optimizers import FusedAdamConfig
 
 print_user_errors_plainly()
 read_only_configurations()
+name_callers_quickly()
 
 STEPS = 30_000
 """Length of the full schedule, B.3."""

@@ -45,7 +45,7 @@ from desplat_ns.losses import (
 from desplat_ns.model_config import DeSplatModelConfig
 from desplat_ns.nerfstudio_quirks import (
     splatfacto_modules_without_cuda,
-    splatfacto_modules_without_downloads,
+    splatfacto_modules_without_torchmetrics,
 )
 from desplat_ns.photo_tourism.appearance import fourier_features
 from desplat_ns.photo_tourism.background import BACKGROUND_DEGREE_INTERVAL
@@ -106,7 +106,7 @@ class DeSplatModel(SplatfactoModel):
         """The step at hand; None if there is none, or if it was dropped."""
         self.is_logged = True
         """Whether anybody is told the figures of the step at hand."""
-        with splatfacto_modules_without_downloads(), splatfacto_modules_without_cuda(self):
+        with splatfacto_modules_without_torchmetrics(), splatfacto_modules_without_cuda(self):
             super().populate_modules()
         self.gauss_params["scales"].data.clamp_(min=math.log(MIN_SEED_SCALE))
         cameras: Cameras = self.kwargs["metadata"]["train_cameras"]

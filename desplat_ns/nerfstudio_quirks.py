@@ -5,17 +5,20 @@ from __future__ import annotations
 import atexit
 import os
 import shutil
+import sys
 import tempfile
 from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager, suppress
+from contextlib import contextmanager, suppress
 from enum import Enum
 from functools import cache
 from pathlib import Path
+from traceback import walk_stack
+from types import SimpleNamespace
 from typing import Any
-from unittest import mock
 
 import torch
 import yaml
+from nerfstudio.configs import external_methods
 from nerfstudio.models.splatfacto import RGB2SH, SplatfactoModel
 from nerfstudio.utils import writer
 from nerfstudio.utils.rich_utils import CONSOLE
@@ -25,19 +28,50 @@ from desplat_ns.backend import BackendName
 from desplat_ns.backend.registry import rendering_device
 from desplat_ns.console import announce
 from desplat_ns.errors import ConfigError
-from desplat_ns.rendering.metrics import LazyLpips
+from desplat_ns.rendering.metrics import LazyLpips, psnr
 from desplat_ns.training.checkpoint import load_newest
 
 
-def splatfacto_modules_without_downloads() -> AbstractContextManager[Any]:
-    """Within, `SplatfactoModel.populate_modules` sets `model.lpips` to a `LazyLpips`.
+def name_callers_quickly() -> None:
+    """Let nerfstudio list its external methods without reading sources.
+
+    nerfstudio 1.1.5 (external_methods.py) asks `inspect.stack` for the name of one caller, 22 times
+    in each command; with what that reads it takes 1.6 s.
+    """
+    external_methods.inspect = SimpleNamespace(  # type: ignore[attr-defined]
+        stack=lambda: [
+            SimpleNamespace(function=frame.f_code.co_name)
+            for frame, _ in walk_stack(sys._getframe(1))
+        ]
+    )
+
+
+_METRICS: dict[str, Any] = {
+    "torchmetrics.image": SimpleNamespace(PeakSignalNoiseRatio=lambda data_range: psnr),
+    "torchmetrics.image.lpip": SimpleNamespace(LearnedPerceptualImagePatchSimilarity=LazyLpips),
+}
+"""What `SplatfactoModel.populate_modules` imports, by module."""
+
+
+@contextmanager
+def splatfacto_modules_without_torchmetrics() -> Iterator[None]:
+    """Within, `SplatfactoModel.populate_modules` sets `model.lpips` to a `LazyLpips` and
+    `model.psnr` to `metrics.psnr`.
 
     nerfstudio 1.1.5 builds LPIPS when the model is built: its weights are fetched over the network,
     offline that ends in an URLError before the first step, and 10 MB of AlexNet land in every
-    checkpoint. `populate_modules` imports the class by name each time it runs, so that replacing
-    the name during the call is enough.
+    checkpoint. To import torchmetrics takes 1.4 s. `populate_modules` imports both classes by name
+    each time it runs.
     """
-    return mock.patch("torchmetrics.image.lpip.LearnedPerceptualImagePatchSimilarity", LazyLpips)
+    before = {name: sys.modules.get(name) for name in _METRICS}
+    sys.modules.update(_METRICS)
+    try:
+        yield
+    finally:
+        for name, module in before.items():
+            del sys.modules[name]
+            if module is not None:
+                sys.modules[name] = module
 
 
 @contextmanager

@@ -46,7 +46,7 @@ from desplat_ns.backend.registry import compile_kernels
 from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
 from desplat_ns.files.whole import write_whole
 from desplat_ns.gaussians.densification import strategy_info
-from desplat_ns.nerfstudio_quirks import splatfacto_modules_without_downloads
+from desplat_ns.nerfstudio_quirks import splatfacto_modules_without_torchmetrics
 from desplat_ns.rendering.metrics import psnr, ssim
 from desplat_ns.settings.effects import EffectsConfig
 from desplat_ns.studies.machine import code_version, device_name
@@ -237,7 +237,7 @@ def trainer_of(job: Job, method: str, capture: Path, number: int = RUN) -> Any:
     config.steps_per_eval_image = config.steps_per_eval_all_images = 0
     config.steps_per_eval_batch = config.steps_per_save = 0
     _set_random_seed(config.machine.seed)
-    with splatfacto_modules_without_downloads():
+    with splatfacto_modules_without_torchmetrics():
         trainer = config.setup(local_rank=0, world_size=1)
         trainer.setup()
     trainer.pipeline.train()

@@ -18,7 +18,7 @@ from desplat_ns import nerfstudio_quirks
 from desplat_ns.nerfstudio_quirks import (
     give_masks_a_colormap_in_the_viewer,
     splatfacto_modules_without_cuda,
-    splatfacto_modules_without_downloads,
+    splatfacto_modules_without_torchmetrics,
 )
 from desplat_ns.rendering.metrics import LazyLpips
 
@@ -27,7 +27,7 @@ COLORS = torch.tensor([[0, 128, 255]] * 6, dtype=torch.uint8)
 
 class _Model(SplatfactoModel):
     def populate_modules(self) -> None:
-        with splatfacto_modules_without_downloads(), splatfacto_modules_without_cuda(self):
+        with splatfacto_modules_without_torchmetrics(), splatfacto_modules_without_cuda(self):
             super().populate_modules()
 
 
@@ -46,6 +46,7 @@ def test_a_model_has_its_points_and_their_colours_as_its_own_and_no_metric_netwo
     points = _points()
     model = _model((points, COLORS))
     assert isinstance(model.lpips, LazyLpips) and model.lpips.reason is None
+    assert model.psnr(torch.zeros(2), torch.full((2,), 0.1)) == pytest.approx(20.0, abs=1e-5)
     assert not [key for key in model.state_dict() if "lpips" in key]
     assert torch.allclose(SH2RGB(model.features_dc), COLORS / 255, atol=1e-6)
     assert not model.features_rest.any()

@@ -136,22 +136,32 @@ class _Rasterize(torch.autograd.Function):
         return means2d[None], conics, depths[:, 0], opacities[:, 0], colors, None, None, None
 
 
-def compile_all() -> None:
-    """Launch every kernel in a process that compiles them; `runtime` starts one where it must.
+def compile_drawing() -> None:
+    """Launch the kernels that draw, in a process that compiles them; `runtime` starts one where it
+    must, and beside it one with `compile_colors`.
 
     What a kernel becomes may depend on what the process has compiled before (a product of three
-    numbers is taken in another order), so they are always compiled in the order of this step.
+    numbers is taken in another order), so each kernel is always compiled in the same process, in
+    the order of a step.
     """
+    runtime.compiles_here = True
+    gc.disable()  # a tenth faster, for a process that ends soon
+    shapes = ((1, 3), (1, 4), (1, 3), (1,), (1, 3))
+    means, *others = (torch.ones(shape, requires_grad=True) for shape in shapes)
+    matrix = torch.diag(torch.tensor([16.0, 16.0, 1.0]))
+    view, settings = View(torch.eye(4), matrix, 16, 16), RenderSettings(True, True, True)
+    drawn = NumbaRasterizer()(Splats(means, *others, sh_degree=None), view, settings)
+    (drawn.rgb.sum() + drawn.alpha.sum()).backward()
+
+
+def compile_colors() -> None:
+    """As `compile_drawing`, the kernels of spherical harmonics and of losses."""
     from desplat_ns.backend.ssim import ssim
 
     runtime.compiles_here = True
-    gc.disable()  # a tenth faster, for a process that ends soon
-    shapes = ((1, 3), (1, 4), (1, 3), (1,), (1, 4, 3))
-    means, *others = (torch.ones(shape, requires_grad=True) for shape in shapes)
-    photo, matrix = torch.zeros(16, 16, 3), torch.diag(torch.tensor([16.0, 16.0, 1.0]))
-    drawn = NumbaRasterizer()(
-        Splats(means, *others, sh_degree=1),
-        View(torch.eye(4), matrix, 16, 16),
-        RenderSettings(antialiased=True, depth=True, absgrad=True),
-    )
-    (drawn.alpha + ssim(drawn.rgb, photo)).sum().backward()
+    gc.disable()
+    means, coefficients = (torch.ones(1, *n, requires_grad=True) for n in ((3,), (4, 3)))
+    radii = torch.ones(1, dtype=torch.int32)
+    EvaluateColors.apply(means, coefficients, radii, torch.zeros(3), 1).sum().backward()  # type: ignore[union-attr]
+    image = torch.zeros(16, 16, 3, requires_grad=True)
+    ssim(image, torch.zeros(16, 16, 3)).backward()

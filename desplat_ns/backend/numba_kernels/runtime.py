@@ -1,8 +1,8 @@
 """How kernels are compiled and launched: the cache, threads, and three instructions numba lacks.
 
 - Compiled kernels are kept in a folder of their own for each state of their sources, numba, Python
-  and processor (`FOLDER`), so that a kernel whose callee changed is never loaded. Another process
-  compiles all of them, in one order, before the first launch; every process that works loads them.
+  and processor (`FOLDER`), so that a kernel whose callee changed is never loaded. Two other
+  processes compile them, each in one order, before the first launch; all that work load them.
 - A kernel loops over its workers with `prange`; each takes its next piece of work from a shared
   counter (`pieces`), which balances the load where tiles, or cores, are unequal. Which worker does
   a piece never changes its result, so the same bits come out for any number of threads.
@@ -19,8 +19,9 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -45,11 +46,14 @@ _TRIM_THRESHOLD, _MMAP_THRESHOLD = -1, -3
 """mallopt(3): bytes at the heap's end above which they are given back; bytes from which a block is
 mapped by itself, to be given back when it is freed."""
 
-COMPILE = "from desplat_ns.backend.numba_tiles import compile_all; compile_all()"
-"""What the process that compiles runs."""
+COMPILE = (
+    "from desplat_ns.backend.numba_tiles import compile_drawing; compile_drawing()",
+    "from desplat_ns.backend.numba_tiles import compile_colors; compile_colors()",
+)
+"""What the processes that compile run, at the same time."""
 
 compiles_here = False
-"""Whether this process is the one that compiles."""
+"""Whether this process is one that compiles."""
 
 
 def _key() -> str:
@@ -155,9 +159,9 @@ def prepare() -> None:
 
 
 def have_compiled() -> None:
-    """Have all kernels compiled into `FOLDER`, unless they are there. It takes a minute.
+    """Have all kernels compiled into `FOLDER`, unless they are there. It takes half a minute.
 
-    Another process does it: one that compiled kernels would go on with others than those it keeps.
+    Other processes do it: one that compiled kernels would go on with others than those it keeps.
     Of the loop that `prange` splits off it takes the copy from before the last optimization, which
     is slower and rounds differently.
     """
@@ -177,19 +181,21 @@ def have_compiled() -> None:
 
 
 def _compile_into(folder: Path) -> None:
-    """Have another process compile into a folder what is kept when it is complete."""
-    _say("Compiling the numba kernels for this CPU, once: about a minute.")
+    """Have other processes compile into a folder what is kept when it is complete."""
+    _say("Compiling the numba kernels for this CPU, once: about half a minute.")
     for path in folder.rglob("*.nb?"):  # of a process that was ended
         path.unlink()
     places = os.pathsep.join(map(os.path.abspath, sys.path))  # "" is the folder at hand
-    subprocess.run(
-        [sys.executable, "-c", COMPILE],
+    run = partial(
+        subprocess.run,
         env={**os.environ, "PYTHONPATH": places, "PYTHONSAFEPATH": "1"},
         stdin=subprocess.DEVNULL,
         capture_output=True,
         text=True,
         check=True,
     )
+    with ThreadPoolExecutor() as pool:
+        list(pool.map(run, [(sys.executable, "-c", code) for code in COMPILE]))
     (folder / "complete").touch()
 
 

@@ -1,4 +1,4 @@
-"""Compiles every kernel of the numba backend anew: a minute of one core."""
+"""Compiles every kernel of the numba backend anew: half a minute of two cores."""
 
 from __future__ import annotations
 

@@ -26,8 +26,8 @@ KERNELS = (binning, passes, projection, sh, ssim)
 
 @pytest.mark.slow
 def test_a_step_loads_every_kernel_and_compiles_none(checkout: Path):
-    """What `compile_all` launches has the types that steps launch, and nothing is left out; in a
-    process of its own, as this one may have compiled them."""
+    """What is launched to be compiled has the types that steps launch, and nothing is left out; in
+    a process of its own, as this one may have compiled them."""
     numba_runtime.have_compiled()
     code = "from tests.backend.numba_kernels.test_runtime import from_cache; print(from_cache())"
     command = [sys.executable, "-c", code]
@@ -70,11 +70,11 @@ def test_a_folder_is_complete_when_all_are_compiled_and_not_before(monkeypatch, 
     left = tmp_path / "of_a_process_that_was_ended.nbi"
     left.touch()
     monkeypatch.setattr(numba_runtime, "FOLDER", tmp_path)
-    monkeypatch.setattr(numba_runtime, "COMPILE", "raise ValueError('no compiler')")
+    monkeypatch.setattr(numba_runtime, "COMPILE", ("", "raise ValueError('no compiler')"))
     numba_runtime.have_compiled()
     assert not (tmp_path / "complete").exists() and not left.exists()
     assert "ValueError: no compiler" in capsys.readouterr().err
-    monkeypatch.setattr(numba_runtime, "COMPILE", "")
+    monkeypatch.setattr(numba_runtime, "COMPILE", ("",))
     numba_runtime.have_compiled()
     assert (tmp_path / "complete").exists()
     monkeypatch.setattr(numba_runtime, "_compile_into", None)
