@@ -47,7 +47,9 @@ def name_callers_quickly() -> None:
 
 
 _METRICS: dict[str, Any] = {
-    "torchmetrics.image": SimpleNamespace(PeakSignalNoiseRatio=lambda data_range: psnr),
+    "torchmetrics.image": SimpleNamespace(
+        PeakSignalNoiseRatio=lambda data_range: lambda *images: torch.tensor(psnr(*images))
+    ),
     "torchmetrics.image.lpip": SimpleNamespace(LearnedPerceptualImagePatchSimilarity=LazyLpips),
 }
 """What `SplatfactoModel.populate_modules` imports, by module."""
@@ -56,7 +58,7 @@ _METRICS: dict[str, Any] = {
 @contextmanager
 def splatfacto_modules_without_torchmetrics() -> Iterator[None]:
     """Within, `SplatfactoModel.populate_modules` sets `model.lpips` to a `LazyLpips` and
-    `model.psnr` to `metrics.psnr`.
+    `model.psnr` to `metrics.psnr` as a tensor.
 
     nerfstudio 1.1.5 builds LPIPS when the model is built: its weights are fetched over the network,
     offline that ends in an URLError before the first step, and 10 MB of AlexNet land in every

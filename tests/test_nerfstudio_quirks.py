@@ -46,7 +46,7 @@ def test_a_model_has_its_points_and_their_colours_as_its_own_and_no_metric_netwo
     points = _points()
     model = _model((points, COLORS))
     assert isinstance(model.lpips, LazyLpips) and model.lpips.reason is None
-    assert model.psnr(torch.zeros(2), torch.full((2,), 0.1)) == pytest.approx(20.0, abs=1e-5)
+    assert model.psnr(torch.zeros(2), torch.full((2,), 0.1)).item() == pytest.approx(20.0, abs=1e-5)
     assert not [key for key in model.state_dict() if "lpips" in key]
     assert torch.allclose(SH2RGB(model.features_dc), COLORS / 255, atol=1e-6)
     assert not model.features_rest.any()
