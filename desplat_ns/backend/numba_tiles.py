@@ -12,7 +12,6 @@ NUMBA_NUM_THREADS).
 
 from __future__ import annotations
 
-import gc
 from dataclasses import replace
 from typing import TypeVar
 
@@ -145,7 +144,6 @@ def compile_drawing() -> None:
     the order of a step.
     """
     runtime.compiles_here = True
-    gc.disable()  # a tenth faster, for a process that ends soon
     shapes = ((1, 3), (1, 4), (1, 3), (1,), (1, 3))
     means, *others = (torch.ones(shape, requires_grad=True) for shape in shapes)
     matrix = torch.diag(torch.tensor([16.0, 16.0, 1.0]))
@@ -159,7 +157,6 @@ def compile_colors() -> None:
     from desplat_ns.backend.ssim import ssim
 
     runtime.compiles_here = True
-    gc.disable()
     means, coefficients = (torch.ones(1, *n, requires_grad=True) for n in ((3,), (4, 3)))
     radii = torch.ones(1, dtype=torch.int32)
     EvaluateColors.apply(means, coefficients, radii, torch.zeros(3), 1).sum().backward()  # type: ignore[union-attr]

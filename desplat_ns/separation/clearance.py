@@ -26,17 +26,6 @@ EXTINGUISHED = -10.0
 """Logit of an opacity that is never drawn; the next refinement prunes it, or `Clearance.sweep`."""
 
 
-def scene_starts(points: Float[Tensor, "P 3"], cameras: Cameras) -> list[float]:
-    """Depth at which the scene starts in each view, world units; 0 for a view that sees no point.
-
-    Args:
-        points: of the reconstruction.
-        cameras: the training cameras, shape [V].
-    """
-    points = sampled(points)
-    return [scene_start(points, view) for view in views_of(cameras)]
-
-
 class Clearance:
     """Makes static Gaussians transparent that are much nearer to a camera than the scene."""
 
@@ -48,7 +37,8 @@ class Clearance:
         """
         self.depths = [0.0] * len(cameras)
         if share > 0 and points is not None:
-            self.depths = [share * start for start in scene_starts(points, cameras)]
+            points = sampled(points)
+            self.depths = [share * scene_start(points, view) for view in views_of(cameras)]
             blind = self.depths.count(0.0)
             if blind > 0:
                 announce(

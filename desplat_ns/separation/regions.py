@@ -279,15 +279,12 @@ def connected(
     weak: Bool[np.ndarray, "rows columns"], strong: Bool[np.ndarray, "rows columns"]
 ) -> Bool[np.ndarray, "rows columns"]:
     """`outlier_regions`, on the host."""
-    count, labels = _components(weak)
+    # cells touch by a side or a corner; labels of weak ones are from 1 on
+    parts: tuple[int, np.ndarray] = cv2.connectedComponents(weak.astype(np.uint8), connectivity=8)
+    count, labels = parts
     keep = np.zeros(count, bool)
     keep[labels[strong]] = True
     return _without_holes(_closed(keep[labels] & (labels > 0)))
-
-
-def _components(mask: np.ndarray) -> tuple[int, np.ndarray]:
-    """Number of labels, and labels from 1 on of cells that touch, by a side or a corner."""
-    return cv2.connectedComponents(mask.astype(np.uint8), connectivity=8)
 
 
 def _closed(mask: np.ndarray) -> np.ndarray:

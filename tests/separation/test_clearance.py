@@ -5,13 +5,16 @@ import torch
 
 from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.model import DeSplatModel
-from desplat_ns.rendering.views import view_of
-from desplat_ns.separation.clearance import EXTINGUISHED, Clearance, scene_starts
+from desplat_ns.rendering.near_plane import scene_start
+from desplat_ns.rendering.views import view_of, views_of
+from desplat_ns.separation.clearance import EXTINGUISHED, Clearance
 from tests.helpers.cameras import cameras
 from tests.helpers.small_model import Trainer, make_model
 
 EYE = torch.tensor([1.0, 2.0, 3.0])
 """Of `cameras()`, which looks along +y."""
+
+(VIEW,) = views_of(cameras())
 
 
 def wall(depth: float, n: int = 400) -> torch.Tensor:
@@ -23,15 +26,15 @@ def wall(depth: float, n: int = 400) -> torch.Tensor:
 
 def test_the_scene_starts_at_the_nearest_points_but_for_some_that_are_astray():
     points = torch.cat([wall(2.0), wall(5.0), wall(0.1, 3)])
-    assert scene_starts(points, cameras()) == [pytest.approx(2.0)]
+    assert scene_start(points, VIEW) == pytest.approx(2.0)
 
 
 def test_points_that_a_view_does_not_show_say_nothing_about_it():
     behind, aside = EYE - torch.tensor([0.0, 1.0, 0.0]), EYE + torch.tensor([9.0, 1.0, 0.0])
-    assert scene_starts(torch.stack([behind, aside]), cameras()) == [0.0]
-    assert scene_starts(behind.expand(0, 3), cameras()) == [0.0]
+    assert scene_start(torch.stack([behind, aside]), VIEW) == 0.0
+    assert scene_start(behind.expand(0, 3), VIEW) == 0.0
     points = torch.cat([wall(3.0), behind.expand(50, 3), aside.expand(50, 3)])
-    assert scene_starts(points, cameras()) == [pytest.approx(3.0)]
+    assert scene_start(points, VIEW) == pytest.approx(3.0)
 
 
 def test_what_a_view_shows_nearer_goes_out_and_nothing_else():

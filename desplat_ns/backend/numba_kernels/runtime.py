@@ -46,11 +46,8 @@ _TRIM_THRESHOLD, _MMAP_THRESHOLD = -1, -3
 """mallopt(3): bytes at the heap's end above which they are given back; bytes from which a block is
 mapped by itself, to be given back when it is freed."""
 
-COMPILE = (
-    "from desplat_ns.backend.numba_tiles import compile_drawing; compile_drawing()",
-    "from desplat_ns.backend.numba_tiles import compile_colors; compile_colors()",
-)
-"""What the processes that compile run, at the same time."""
+COMPILE = "import gc; gc.disable(); from desplat_ns.backend import numba_tiles as n; n.compile_{}()"
+"""What the two processes that compile run, without gc a tenth faster."""
 
 compiles_here = False
 """Whether this process is one that compiles."""
@@ -195,7 +192,8 @@ def _compile_into(folder: Path) -> None:
         check=True,
     )
     with ThreadPoolExecutor() as pool:
-        list(pool.map(run, [(sys.executable, "-c", code) for code in COMPILE]))
+        parts = ("drawing", "colors")
+        list(pool.map(run, [(sys.executable, "-c", COMPILE.format(part)) for part in parts]))
     (folder / "complete").touch()
 
 

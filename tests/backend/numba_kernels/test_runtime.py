@@ -70,11 +70,13 @@ def test_a_folder_is_complete_when_all_are_compiled_and_not_before(monkeypatch, 
     left = tmp_path / "of_a_process_that_was_ended.nbi"
     left.touch()
     monkeypatch.setattr(numba_runtime, "FOLDER", tmp_path)
-    monkeypatch.setattr(numba_runtime, "COMPILE", ("", "raise ValueError('no compiler')"))
+    monkeypatch.setattr(
+        numba_runtime, "COMPILE", "if '{}' == 'colors': raise ValueError('no compiler')"
+    )
     numba_runtime.have_compiled()
     assert not (tmp_path / "complete").exists() and not left.exists()
     assert "ValueError: no compiler" in capsys.readouterr().err
-    monkeypatch.setattr(numba_runtime, "COMPILE", ("",))
+    monkeypatch.setattr(numba_runtime, "COMPILE", "")
     numba_runtime.have_compiled()
     assert (tmp_path / "complete").exists()
     monkeypatch.setattr(numba_runtime, "_compile_into", None)
