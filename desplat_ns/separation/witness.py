@@ -1,10 +1,10 @@
 """What other photos say of a place, whatever the scene has learned so far: a plane sweep.
 
 A residual cannot tell something in the way from a place that the scene has not learned, or that few
-photos show. Two other photos can: if they show the same as this one at some depth, the place is
-scene. If others look there and no two of them agree with the photo at any depth, something may be
-in the way. If hardly anybody else looks there, nobody knows, and leaving the place out would teach
-nothing. Letters in shapes: V views, P points.
+photos show. Others can: if two that stand near show the same as this photo at some depth, and not
+most of all that look there dispute it, the place is scene. If others look there and no two of them
+agree with the photo at any depth, something may be in the way. If hardly anybody else looks there,
+nobody knows, and leaving the place out would teach nothing. Letters in shapes: V views, P points.
 """
 
 from __future__ import annotations
@@ -46,8 +46,16 @@ above it."""
 COMMON_POINTS = 10
 """Photos with fewer common points are no neighbours."""
 
+FARTHEST_ANGLE, LOOKERS, FEWEST_LOOKERS = 60.0, 40, 8
+"""Degrees up to which photos may dispute what two neighbours confirm, how many are asked at most,
+and how many have to look at a place: of fewer than eight, two are many."""
+
 RADIUS = 1
 """Photos are compared over windows of 2 `RADIUS` + 1 cells."""
+
+SURROUNDINGS = 5
+"""Cells (an odd number) among which a photo that disputes a place may show it: its depth is not
+exact. Disputes are averaged over as many."""
 
 LOOKED_AT = 0.5
 """Share of the planes at which two neighbours have to look at a cell."""
@@ -69,12 +77,12 @@ class Looker:
 
 def unexplained(
     photo: Looker, others: Sequence[Looker], inverse_depths: Float[np.ndarray, " D"]
-) -> Float[np.ndarray, "rows columns"]:
+) -> tuple[Float[np.ndarray, "rows columns"], Float[np.ndarray, "rows columns"]]:
     """By how much each cell of a photo differs from what two others show, at the depth where they
-    come nearest to it; colours in [0, 1].
+    come nearest to it, colours in [0, 1]; and that depth, inverse.
 
-    NaN where fewer than two others look at most of the depths: nobody knows. The second-best other
-    counts, since the best one may show the same thing in the way.
+    The difference is NaN where fewer than two others look at most of the depths: nobody knows. The
+    second-best other counts, since the best one may show the same thing in the way.
 
     Args:
         others: in the exposure of the photo.
@@ -84,6 +92,7 @@ def unexplained(
     """
     rows, columns = photo.colors.shape[:2]
     least, looked = np.full((rows, columns), 255, np.uint8), np.zeros((rows, columns), int)
+    at = np.zeros((rows, columns))
     opaque = _with_alpha(photo.colors)
     pictures = [_with_alpha(other.colors) for other in others]
     homographies = [_homographies(photo, other, inverse_depths) for other in others]
@@ -100,10 +109,47 @@ def unexplained(
             step = cv2.blur(step, (2 * RADIUS + 1,) * 2)
             second = cv2.min(second, cv2.max(best, step))
             best = cv2.min(best, step)
+        at[second < least] = inverse_depths[plane]
         least = cv2.min(least, second)
         looked += second < 255
     is_known = looked >= LOOKED_AT * len(inverse_depths)
-    return np.where(is_known, least / np.float32(255), np.float32(np.nan))
+    return np.where(is_known, least / np.float32(255), np.float32(np.nan)), at
+
+
+def disputed(
+    photo: Looker, others: Sequence[Looker], inverse_depths: Float[np.ndarray, "rows columns"]
+) -> Float[np.ndarray, "rows columns"]:
+    """By how much each cell of a photo at least differs from what half of the others that look at
+    its place show there, colours in [0, 1]; 0 where fewer than `FEWEST_LOOKERS` look.
+
+    It is averaged over a cell's surroundings: parts of what is in the way may have the colours of
+    what others see at their place.
+
+    Args:
+        others: in the exposure of the photo.
+        inverse_depths: of the cells before the photo's camera, per world unit.
+    """
+    y, x = np.indices(inverse_depths.shape) + 0.5
+    rays = np.tensordot(np.linalg.inv(photo.K), np.stack([x, y, np.ones_like(x)]), 1)
+    places = np.concatenate([rays, inverse_depths[None]])
+    window, near = (2 * RADIUS + 1,) * 2, np.ones((SURROUNDINGS,) * 2, np.uint8)
+    own, steps = _with_alpha(cv2.blur(photo.colors, window)), []
+    for other in others:
+        to_other = other.K @ other.viewmat[:3] @ np.linalg.inv(photo.viewmat)
+        *there, depth = np.tensordot(to_other, places, 1)
+        ahead = np.maximum(depth, np.finfo(np.float32).tiny)
+        at = [np.where(depth > 0, (x / ahead - 0.5).clip(-9, 1e4), -9) for x in there]
+        x, y = np.stack(at).astype(np.float32)
+        smooth = cv2.blur(other.colors, window)
+        least, most = (
+            cv2.remap(_with_alpha(end(smooth, near)), x, y, cv2.INTER_NEAREST)
+            for end in (cv2.erode, cv2.dilate)
+        )  # outside of the other photo alpha is 0, so the difference is 255
+        steps.append(cv2.max(cv2.subtract(least, own), cv2.subtract(own, most)).max(axis=-1))
+    ordered = np.sort(np.stack(steps), axis=0)
+    count = (ordered < 255).sum(axis=0)
+    half = np.take_along_axis(ordered, np.maximum(count - 1, 0)[None] // 2, axis=0)[0]
+    return cv2.blur(np.where(count < FEWEST_LOOKERS, 0, half / np.float32(255)), near.shape)
 
 
 def _with_alpha(colors: UInt8[np.ndarray, "rows columns 3"]) -> np.ndarray:
@@ -181,17 +227,26 @@ class Witnesses:
         self._unexplained.clear()
 
     def _sweep(self, index: int) -> Float[np.ndarray, "rows columns"] | None:
-        chosen = sorted(self._neighbours(index), key=lambda pair: -pair[0])[:NEIGHBOURS]
-        if len(chosen) < 2:
+        others = sorted(self._others(index))
+        if len(others) < 2:
             return None
         photo, seen = self._looker(index), self._seen
         nearest, farthest = np.quantile(seen.depths[index, seen.visible[index]], [0.01, 0.99])
         ends = 1 / (NEAREST * nearest), 1 / (FARTHEST * farthest)
-        others = [self._in_exposure_of(index, other) for _, other in chosen]
-        return unexplained(photo, others, np.append(np.linspace(*ends, PLANES), 0.0))
+        best = sorted(others, key=lambda other: -other[1])[:NEIGHBOURS]
+        neighbours = [self._in_exposure_of(index, other) for *_, other in best]
+        planes = np.append(np.linspace(*ends, PLANES), 0.0)
+        found, at = unexplained(photo, neighbours, planes)
+        near = [other for degrees, _, other in others if degrees < FARTHEST_ANGLE]
+        if len(near) < FEWEST_LOOKERS:
+            return found
+        near = near[:: -(-len(near) // LOOKERS)]
+        lookers = [self._in_exposure_of(index, other) for other in near]
+        return np.maximum(found, disputed(photo, lookers, at))
 
-    def _neighbours(self, index: int) -> Iterator[tuple[float, int]]:
-        """How much each other photo has to say about one, and its number."""
+    def _others(self, index: int) -> Iterator[tuple[float, float, int]]:
+        """Photos that show points which one shows: degrees between the directions from which they
+        see these, how much they have to say as a neighbour, and their numbers."""
         if self._points is None:
             return
         toward = self._seen.toward
@@ -200,8 +255,9 @@ class Witnesses:
             if other == index or common.sum() < COMMON_POINTS:
                 continue
             cosines = (toward[index, common] * toward[other, common]).sum(axis=-1)
-            off = np.degrees(np.arccos(np.median(cosines).clip(-1, 1))) - BEST_ANGLE
-            yield common.sum() * np.exp(-((off / WIDTHS[int(off > 0)]) ** 2)), other
+            degrees = np.degrees(np.arccos(np.median(cosines).clip(-1, 1)))
+            off = degrees - BEST_ANGLE
+            yield degrees, common.sum() * np.exp(-((off / WIDTHS[int(off > 0)]) ** 2)), other
 
     def _looker(self, index: int) -> Looker:
         view, colors = self.views[index], self.photos[index]

@@ -76,7 +76,7 @@ def inside(cells: np.ndarray) -> np.ndarray:
 
 def test_what_all_photos_show_is_explained_on_both_planes():
     photo, *others = photos_of(cameras(*ROW))
-    left = unexplained(photo, others, INVERSE_DEPTHS)
+    left, _ = unexplained(photo, others, INVERSE_DEPTHS)
     near, far = left[4:-4, 10:20], left[4:-4, 32:50]  # the near plane ends in column 22
     assert not np.isnan(near).any() and not np.isnan(far).any()
     assert np.quantile(near, 0.95) < 0.03
@@ -85,26 +85,26 @@ def test_what_all_photos_show_is_explained_on_both_planes():
 
 def test_what_one_photo_alone_shows_is_not():
     photo, *others = photos_of(cameras(*ROW))
-    assert inside(unexplained(pasted(photo), others, INVERSE_DEPTHS)).min() > 0.2
+    assert inside(unexplained(pasted(photo), others, INVERSE_DEPTHS)[0]).min() > 0.2
 
 
 def test_one_neighbour_that_shows_the_same_explains_nothing_and_two_do():
     photo, *others = photos_of(cameras(*ROW))
     # 0.2 apart they see something before the far plane 3 cells apart, and 0.4 apart 6 cells
     others[2] = pasted(others[2], 3)
-    assert inside(unexplained(pasted(photo), others, INVERSE_DEPTHS)).min() > 0.2
+    assert inside(unexplained(pasted(photo), others, INVERSE_DEPTHS)[0]).min() > 0.2
     others[3] = pasted(others[3], 6)
-    assert inside(unexplained(pasted(photo), others, INVERSE_DEPTHS))[3:-3, 3:-3].max() < 0.01
+    assert inside(unexplained(pasted(photo), others, INVERSE_DEPTHS)[0])[3:-3, 3:-3].max() < 0.01
 
 
 def test_where_fewer_than_two_others_look_nobody_knows():
     """The others are 1 to the right: at half of the depths columns up to 26 are beyond them."""
     photo, *others = photos_of(cameras((0.0, 0.0), (1.0, 0.0), (1.0, 0.1)))
-    left = unexplained(photo, others, INVERSE_DEPTHS)
+    left, _ = unexplained(photo, others, INVERSE_DEPTHS)
     assert np.isnan(left[:, :24]).all()
     assert not np.isnan(left[4:-8, 28:]).any()
-    assert np.isnan(unexplained(photo, others[:1], INVERSE_DEPTHS)).all()
-    assert np.isnan(unexplained(photo, [], INVERSE_DEPTHS)).all()
+    assert np.isnan(unexplained(photo, others[:1], INVERSE_DEPTHS)[0]).all()
+    assert np.isnan(unexplained(photo, [], INVERSE_DEPTHS)[0]).all()
 
 
 # --- the photos of a capture ----------------------------------------------------------------------
@@ -133,6 +133,24 @@ def test_neighbours_and_depths_come_from_the_points():
     assert left is not None and left.shape == (HEIGHT, WIDTH)
     assert inside(left.numpy()).min() > 0.2
     assert np.quantile(left[4:-4, 10:20], 0.95) < 0.03
+
+
+def test_what_two_neighbours_confirm_most_photos_may_dispute():
+    """A thing on the far plane: cameras that are 0.2 farther right see it 3 cells farther left."""
+    row = (0.0, 0.4, 0.6, -0.2, -0.4, -0.6, -0.8, -1.0, 0.8, 1.0)
+    views = cameras(*((x, 0.0) for x in row))
+    clean = photos_of(views)
+    things = [pasted(photo, round(15 * x)) for x, photo in zip(row, clean, strict=True)]
+
+    def left(with_thing: int, count: int = len(row)) -> np.ndarray:
+        photos = [*things[:with_thing], *clean[with_thing:]]
+        found = witnesses(views, photos[:count]).unexplained(0)
+        assert found is not None
+        return inside(found.numpy())[2:-2, 2:-2]
+
+    assert left(3).min() > 0.2
+    assert left(3, count=8).max() < 0.05  # seven others are too few to dispute anything
+    assert left(8).max() < 0.05  # it is the scene
 
 
 def test_the_exposure_of_other_photos_is_fitted_away():
