@@ -94,7 +94,6 @@ def separating_distractors() -> DistractorConfig:
         lambda_d=0.1,
         initial_opacity=0.5,
         leak=0.03,
-        clearance=0.5,
         refine_visits=5,
     )
 

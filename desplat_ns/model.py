@@ -348,16 +348,12 @@ class DeSplatModel(SplatfactoModel):
             self._refine_static(step)
         else:
             self.layer.commit(
-                train_step,
-                self.gauss_params,
-                self.strategy_state,
-                lambda: self._refine_static(step),
-                self._weights_of,
+                train_step, self.strategy_state, lambda: self._refine_static(step), self._weights_of
             )
         self.train_step = None
 
     def _refine_static(self, step: int) -> None:
-        """Splatfacto's refinements and resets, and what was cleared away.
+        """Splatfacto's refinements and resets.
 
         Raises DeSplatError where no static Gaussian is left.
         """
@@ -365,20 +361,11 @@ class DeSplatModel(SplatfactoModel):
             self.gauss_params, self.optimizers, self.strategy_state, self.nominal_step, self.info
         )
         self.image_effects.after_step()
-        strategy = self.strategy
-        if self.nominal_step >= strategy.refine_stop_iter and step % strategy.refine_every == 0:
-            self.sweep()
         if self.num_points == 0:
             raise DeSplatError(
                 f"At step {step} the last static Gaussian was pruned: nothing is left to train. "
                 "The photos or their poses do not fit together, or a learning rate is too high."
             )
-
-    def sweep(self) -> None:
-        """Remove static Gaussians that were cleared away since the last refinement."""
-        if self.layer is not None:
-            clearance = self.layer.clearance
-            clearance.sweep(self.gauss_params, self.optimizers, self.strategy_state)
 
     def _weights_of(self, params: RawParameters) -> Tensor:
         """Contributions [N] of distractors of the view just drawn, in pixels of its full size."""

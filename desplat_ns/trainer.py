@@ -292,8 +292,6 @@ class DeSplatTrainer(Trainer):
             announce("Stopped before the first step: nothing to save.")
             return
         is_whole = self._ran_to_its_end and not self.optimizers.exhausted
-        if is_whole:  # of one that was stopped, going on must not tell the difference
-            self.pipeline.model.sweep()
         self.save_checkpoint(self.step)
         if self.optimizers.exhausted:
             raise self.optimizers.error(checkpoint_path(self.checkpoint_dir, self.step))

@@ -35,22 +35,6 @@ def test_an_evaluation_that_fails_ends_the_run_and_what_is_trained_is_saved(conf
     assert train(second).pipeline.trained == list(range(4, 12))
 
 
-@pytest.mark.parametrize("stopped", [False, True])
-def test_what_was_cleared_away_is_swept_at_the_end_of_a_run_and_not_where_it_is_only_stopped(
-    config, stopped
-):
-    """Before its last checkpoint. What a stopped run saves has to go on as if it had not been."""
-    trainer, swept = set_up(config), []
-    trainer.pipeline.model.sweep = lambda: swept.append(len(checkpoints_in(trainer.checkpoint_dir)))
-
-    def tell_it(step: int) -> None:
-        trainer.stop_training = stopped and step == 7
-
-    trainer.pipeline.at_step = tell_it
-    trainer.train()
-    assert swept == ([] if stopped else [2])
-
-
 @pytest.mark.parametrize("number", STOP_SIGNALS)
 def test_a_signal_finishes_the_step_saves_and_nothing_is_lost(config, number):
     handler = signal.getsignal(number)

@@ -69,10 +69,6 @@ class DistractorConfig:
     own, as long as the static set grows. Where most photos leave a place out nothing else moves it,
     and Adam learns it at full speed: what most photos of a place show is not in the way. Where an
     occluder hides what others show, they outvote it. The paper has one loss for both."""
-    clearance: float = ranged(0.0, "[0, 1)")
-    """Static Gaussians nearer to a training camera than this share of the depth at which the scene
-    starts there, by the seed points, are removed: they show what stands in that photo alone. The
-    paper removes none."""
     lambda_d: float = 0.01
     """Weight of the mean distractor opacity, Eq. 5. B.3."""
     lambda_s: float = 0.01

@@ -10,7 +10,7 @@ import torch
 from jaxtyping import Bool, Float
 from nerfstudio.cameras.cameras import Cameras
 from nerfstudio.models.splatfacto import SplatfactoModelConfig
-from torch import Tensor, nn
+from torch import Tensor
 from torch.optim import Optimizer
 
 from desplat_ns.backend.protocol import Rendering, Splats, View
@@ -24,7 +24,6 @@ from desplat_ns.gaussians.densification import DistractorDensifier, strategy_inf
 from desplat_ns.gaussians.distractor_config import DistractorConfig, rates_at
 from desplat_ns.gaussians.distractors import DistractorGaussians, ViewDistractors
 from desplat_ns.rendering.layers import layered_outputs
-from desplat_ns.separation.clearance import Clearance
 from desplat_ns.separation.grid import region_pixels
 from desplat_ns.separation.placement import FEW_VIEWS, about_few_views, placement
 from desplat_ns.separation.regions import (
@@ -107,7 +106,6 @@ class DistractorLayer:
         every = config.steps_between_refinements(self.num_views, scale)
         self.densifier = DistractorDensifier(config, static, every)
         self.rates_at: Callable[[int], Mapping[str, float]] = rates_at
-        self.clearance = Clearance(config.clearance, points, cameras)
         self.witnesses = Witnesses(points, cameras)
         self.regions: dict[int, Bool[Tensor, "rows columns"]] = {}
         """Those of each view, as it was last looked at."""
@@ -233,7 +231,6 @@ class DistractorLayer:
     def commit(
         self,
         train_step: TrainStep,
-        params: nn.ParameterDict,
         state: dict[str, Any],
         refine_static: Callable[[], None],
         weights_of: Callable[[RawParameters], Float[Tensor, " M"]],
@@ -242,19 +239,15 @@ class DistractorLayer:
         does and that outlives it is to make the view's optimizers and set their rates.
 
         Args:
-            params: of the static Gaussians, raw.
-            state: of their strategy.
+            state: of the static Gaussians' strategy.
             refine_static: refines the static set; called once it has what belongs to its rows.
             weights_of: gives what each of the view's distractors makes up of it, in pixels.
         """
-        index, view, static = train_step.index, train_step.view, train_step.static
+        index, view = train_step.index, train_step.view
         if train_step.usual is not None:
             state[USUAL] = train_step.usual
         if train_step.witness is not None:
             self.witnesses.keep(index, train_step.witness)
-        self.clearance.hide_near_camera(
-            index, view, params["means"], params["opacities"].data, static.visible
-        )
         refine_static()
         distractors, step = self.gaussians.views[index], train_step.number
         if train_step.distractors is not None:

@@ -115,9 +115,7 @@ class Trained:
         none = alpha(0.0)
         photo, static = step.photo, step.static_rgb
         self.layer.look(step, photo, static, None, scene.opacities, scene.state)
-        means = torch.zeros(len(scene.opacities), 3)
-        params = torch.nn.ParameterDict({"means": means, "opacities": scene.opacities.clone()})
-        self.layer.commit(step, params, scene.state, lambda: None, lambda _: none.flatten())
+        self.layer.commit(step, scene.state, lambda: None, lambda _: none.flatten())
         return step
 
     @property
