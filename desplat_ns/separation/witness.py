@@ -82,7 +82,8 @@ def unexplained(
     come nearest to it, colours in [0, 1]; and that depth, inverse.
 
     The difference is NaN where fewer than two others look at most of the depths: nobody knows. The
-    second-best other counts, since the best one may show the same thing in the way.
+    second-best other counts, since the best one may show the same thing in the way; at a depth at
+    which one alone looks, that one.
 
     Args:
         others: in the exposure of the photo.
@@ -109,9 +110,10 @@ def unexplained(
             step = cv2.blur(step, (2 * RADIUS + 1,) * 2)
             second = cv2.min(second, cv2.max(best, step))
             best = cv2.min(best, step)
+        looked += second < 255
+        second = np.where(second < 255, second, best)
         at[second < least] = inverse_depths[plane]
         least = cv2.min(least, second)
-        looked += second < 255
     is_known = looked >= LOOKED_AT * len(inverse_depths)
     return np.where(is_known, least / np.float32(255), np.float32(np.nan)), at
 
