@@ -1,10 +1,11 @@
 """What other photos say of a place, whatever the scene has learned so far: a plane sweep.
 
 A residual cannot tell something in the way from a place that the scene has not learned, or that few
-photos show. Others can: if two that stand near show the same as this photo at some depth, and not
-most of all that look there dispute it, the place is scene. If others look there and no two of them
-agree with the photo at any depth, something may be in the way. If hardly anybody else looks there,
-nobody knows, and leaving the place out would teach nothing. Letters in shapes: V views, P points.
+photos show. Other photos can. The place is scene if two neighbours show the same as this photo at
+some depth, unless most of the photos that look at the place show something else there. If others
+look and no two of them agree with this photo at any depth, something may be in the way. If hardly
+anybody else looks, nobody knows, and leaving the place out would teach nothing. Letters in shapes:
+V views, P points.
 """
 
 from __future__ import annotations
@@ -47,15 +48,16 @@ COMMON_POINTS = 10
 """Photos with fewer common points are no neighbours."""
 
 FARTHEST_ANGLE, LOOKERS, FEWEST_LOOKERS = 60.0, 40, 8
-"""Degrees up to which photos may dispute what two neighbours confirm, how many are asked at most,
-and how many have to look at a place: of fewer than eight, two are many."""
+"""Photos up to `FARTHEST_ANGLE` degrees apart may dispute what two neighbours confirm. At most
+`LOOKERS` of them are asked, and `FEWEST_LOOKERS` have to look at a place: a few may all be wrong.
+"""
 
 RADIUS = 1
 """Photos are compared over windows of 2 `RADIUS` + 1 cells."""
 
 SURROUNDINGS = 5
-"""Cells (an odd number) among which a photo that disputes a place may show it: its depth is not
-exact. Disputes are averaged over as many."""
+"""Cells (an odd number) across, anywhere in which a photo may show a place without disputing it,
+because the depth is not exact. Disputes are averaged over as many."""
 
 LOOKED_AT = 0.5
 """Share of the planes at which two neighbours have to look at a cell."""
@@ -140,11 +142,11 @@ def disputed(
         to_other = other.K @ other.viewmat[:3] @ np.linalg.inv(photo.viewmat)
         *there, depth = np.tensordot(to_other, places, 1)
         ahead = np.maximum(depth, np.finfo(np.float32).tiny)
-        at = [np.where(depth > 0, (x / ahead - 0.5).clip(-9, 1e4), -9) for x in there]
-        x, y = np.stack(at).astype(np.float32)
+        at = [np.where(depth > 0, (uv / ahead - 0.5).clip(-9, 1e4), -9) for uv in there]
+        u, v = np.stack(at).astype(np.float32)
         smooth = cv2.blur(other.colors, window)
         least, most = (
-            cv2.remap(_with_alpha(end(smooth, near)), x, y, cv2.INTER_NEAREST)
+            cv2.remap(_with_alpha(end(smooth, near)), u, v, cv2.INTER_NEAREST)
             for end in (cv2.erode, cv2.dilate)
         )  # outside of the other photo alpha is 0, so the difference is 255
         steps.append(cv2.max(cv2.subtract(least, own), cv2.subtract(own, most)).max(axis=-1))
