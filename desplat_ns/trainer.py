@@ -291,14 +291,13 @@ class DeSplatTrainer(Trainer):
         if self._steps_done == 0:
             announce("Stopped before the first step: nothing to save.")
             return
-        is_whole = self._ran_to_its_end and not self.optimizers.exhausted
         self.save_checkpoint(self.step)
         if self.optimizers.exhausted:
             raise self.optimizers.error(checkpoint_path(self.checkpoint_dir, self.step))
         writer.write_out_storage()
         for callback in self.callbacks:
             callback.run_callback_at_location(self.step, TrainingCallbackLocation.AFTER_TRAIN)
-        if not is_whole:
+        if not self._ran_to_its_end:
             announce(f"Stopped. {self._how_to_go_on()}")
             return
         model, config = self.pipeline.model, quote(str(self.base_dir / "config.yml"))

@@ -215,7 +215,8 @@ class Witnesses:
         self.photos[index] = (photo * 255).round().byte().permute(1, 2, 0).cpu().numpy()
 
     def unexplained(self, index: int) -> Float[Tensor, "rows columns"] | None:
-        """`unexplained` of a kept photo; None where nobody can be asked."""
+        """The larger of `unexplained` and `disputed` of a kept photo; None where nobody can be
+        asked."""
         if index not in self._unexplained:
             found = self._sweep(index) if index in self.photos else None
             self._unexplained[index] = None if found is None else torch.from_numpy(found)

@@ -56,6 +56,11 @@ def test_what_is_nearer_than_a_share_of_where_the_points_start_is_not_rendered()
     assert len(model.params_in(VIEW)["means"]) == len(model.means) - 1
 
 
+def test_a_few_points_that_are_astray_do_not_tell_where_the_scene_starts():
+    points = torch.cat([wall(2.0), wall(5.0), wall(0.1)[:3]])
+    assert scene_start(points, VIEW) == pytest.approx(2.0)
+
+
 def test_what_starts_before_the_scene_and_reaches_the_camera_is_not_rendered():
     assert covered(with_a_veil(0.1))
     assert covered(with_a_veil(-0.1, near_plane=0.1))
@@ -82,7 +87,9 @@ def test_training_draws_everything():
 
 
 def test_a_view_without_points_and_a_random_start_have_no_near_plane():
-    assert scene_start(2 * wall(0.0)[:1] - wall(4.0), VIEW) == 0  # behind the camera
+    behind = 2 * wall(0.0)[:1] - wall(4.0)
+    assert scene_start(behind, VIEW) == 0
+    assert scene_start(torch.cat([behind, wall(3.0)]), VIEW) == pytest.approx(3.0)
     drawn = make_model(wall(4.0), near_plane=0.9, random_init=True, num_random=50).eval()
     assert len(drawn.params_in(VIEW)["means"]) == 50
 
