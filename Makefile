@@ -141,19 +141,26 @@ $(DOCS_STAMP): docs/requirements.txt constraints.txt
 # Written last, so that an interrupted installation is taken up again.
 $(STAMP): pyproject.toml constraints.txt
 	$(call environment,$(VENV),10,about 9 GB with torch's CUDA libraries; 1 to 10 minutes,-e '.[dev]')
+	$(call install,$(VENV)) --no-deps $(OPENIMAGEIO)
 	@touch $(STAMP)
 	@echo "==> Ready: $(VENV)/bin/ns-train desplat --help"
 
 SUPPORTED = >=3.$(2),<3.13
 
+# Reads JPEG XL and JPEG 2000 as well. Without its requirement of numpy 2, which nuscenes-devkit
+# does not allow and it does not need (docs/dev/environment.md).
+OPENIMAGEIO = OpenImageIO==3.2.2.0
+
 # Folder, least minor version of Python 3, size and time, what is installed.
 ifneq ($(UV),)
+install = "$(UV)" pip install --python $(1)/bin/python
 define environment
 @echo "==> Environment in $(1), with uv ($(3))"
 @test -x $(1)/bin/python || "$(UV)" venv --quiet --python "$(or $(PYTHON),$(SUPPORTED))" $(1)
-"$(UV)" pip install --python $(1)/bin/python -c constraints.txt $(4)
+$(call install,$(1)) -c constraints.txt $(4)
 endef
 else
+install = $(1)/bin/python -m pip install --disable-pip-version-check
 define environment
 @echo "==> Environment in $(1), with pip ($(3))"
 @test -x $(1)/bin/python || for python in $(PYTHONS); do \
@@ -162,6 +169,6 @@ define environment
 done; \
 test -x $(1)/bin/python || { echo "No Python from 3.$(2) to 3.12 among: $(PYTHONS). Install one, or name it:" \
     "make PYTHON=/path/to/python3.11"; exit 1; }
-$(1)/bin/python -m pip install --disable-pip-version-check -c constraints.txt $(4)
+$(call install,$(1)) -c constraints.txt $(4)
 endef
 endif
