@@ -19,10 +19,11 @@ import PIL.Image
 from jaxtyping import UInt8
 
 from desplat_ns.console import list_names
-from desplat_ns.data.images import lens_of, read_image, read_mask, resize_image
+from desplat_ns.data.images import lens_of, read_image, read_mask, resize_image, resize_mask
 from desplat_ns.data.photo_files import photo_names
 from desplat_ns.errors import CaptureError
 from desplat_ns.files.whole import write_whole
+from desplat_ns.process.projection import check_projection
 from desplat_ns.process.request import Cameras
 
 JPEG_QUALITY = 95
@@ -40,7 +41,7 @@ class Photo:
     source: str
     """Path below the sources' folder."""
     name: str
-    """Path below OUTPUT/images."""
+    """Path below OUTPUT/images: a PNG where something is transparent, else a JPEG."""
     copy: str
     """File in the work folder: a number, so that no program trips over spaces or umlauts."""
     width: int = 0
@@ -54,6 +55,11 @@ class Photo:
     """Focal length in pixels of the copy by EXIF; 0 where it does not say."""
     problem: str = ""
     """Why it cannot be used; empty where it can."""
+
+    @property
+    def film_pixels(self) -> float:
+        """Pixels of the copy in a millimetre of 35 mm film."""
+        return float(np.hypot(self.width, self.height)) / FILM_DIAGONAL
 
 
 def numbered(sources: Sequence[str]) -> list[Photo]:
@@ -78,7 +84,8 @@ def prepare_photos(
     threads: int,
     progress: Callable[[int, int], None],
 ) -> list[Photo]:
-    """Copy all photos to `copies`, and say of each what was seen. A second call writes the same.
+    """Copy all photos to `copies` and their alpha to `masks` beside it (COPY.png), and say of each
+    what was seen. A second call writes the same.
 
     Args:
         folder: of the sources.
@@ -105,24 +112,36 @@ def _copy(folder: Path, photo: Photo, copies: Path, longest_side: int) -> tuple[
     """Write the copy; what was seen, and a digest of the pixels or, without any, the source."""
     path = folder / photo.source
     try:
-        pixels = np.ascontiguousarray(read_image(path)[..., :3])
+        image = read_image(path)
+        check_projection(path, image)
     except CaptureError as error:
         return replace(photo, problem=str(error)), photo.source
-    scale = min(1.0, longest_side / max(pixels.shape[:2]))
-    height, width = (max(1, round(side * scale)) for side in pixels.shape[:2])
-    pixels = resize_image(pixels, width, height)
-    encoded, lens = io.BytesIO(), lens_of(path)
-    PIL.Image.fromarray(pixels).save(encoded, "JPEG", quality=JPEG_QUALITY, subsampling=0)
-    write_whole(copies / photo.copy, encoded.getvalue())
+    scale = min(1.0, longest_side / max(image.shape[:2]))
+    height, width = (max(1, round(side * scale)) for side in image.shape[:2])
+    image, lens = resize_image(image, width, height), lens_of(path)
+    pixels = np.ascontiguousarray(image[..., :3])
+    write_picture(copies / photo.copy, pixels)
+    alpha = image[..., 3] if image.shape[2] == 4 else np.full(image.shape[:2], 255, np.uint8)
+    write_picture(copies.with_name("masks") / f"{photo.copy}.png", alpha)
+    if (alpha < 255).any():
+        photo = replace(photo, name=f"{photo.name.removesuffix('.jpg')}.png")
     seen = replace(
         photo,
         width=width,
         height=height,
         sharpness=round(sharpness(pixels), 2),
         camera=lens.name,
-        focal=round(lens.focal_35mm / FILM_DIAGONAL * float(np.hypot(width, height)), 2),
     )
-    return seen, hashlib.sha1(pixels.tobytes()).hexdigest()
+    seen = replace(seen, focal=round(lens.focal_35mm * seen.film_pixels, 2))
+    return seen, hashlib.sha1(image.tobytes()).hexdigest()
+
+
+def write_picture(path: Path, pixels: UInt8[np.ndarray, "H W *C"]) -> None:
+    """Write a JPEG or PNG, by its ending, whole or not at all. Raises OSError."""
+    encoded, kind = io.BytesIO(), "PNG" if path.suffix == ".png" else "JPEG"
+    PIL.Image.fromarray(pixels).save(encoded, kind, quality=JPEG_QUALITY, subsampling=0)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_whole(path, encoded.getvalue())
 
 
 def sharpness(pixels: UInt8[np.ndarray, "H W 3"]) -> float:
@@ -134,12 +153,12 @@ def sharpness(pixels: UInt8[np.ndarray, "H W 3"]) -> float:
 
 
 def prepare_masks(mask: Path, photos: Sequence[Photo], copies: Path) -> int:
-    """Write `copies`/COPY.png for each photo that has a mask: black where no feature may be, as on
-    a watermark, a dashboard or a selfie stick.
+    """Blacken COPY.png in `copies` for each photo that has a mask: where no feature may be, as on a
+    watermark, a dashboard or a selfie stick.
 
     Args:
         mask: a picture for all photos, or a folder with one for each, named as the photo, with any
-            ending (`a.png` or `a.jpg.png` for `a.jpg`).
+            ending (`a.png` or `a.jpg.png` for `a.jpg`), in a folder as the photo's or in none.
 
     Returns:
         How many photos have one.
@@ -152,8 +171,8 @@ def prepare_masks(mask: Path, photos: Sequence[Photo], copies: Path) -> int:
     count = 0
     for photo in photos:
         source = PurePosixPath(photo.source.lower())
-        path = masks.get(str(source)) or masks.get(str(source.with_suffix("")))
-        path = mask if mask.is_file() else path
+        keys = map(str, (source, source.with_suffix(""), source.name, source.stem))
+        path = mask if mask.is_file() else next((masks[key] for key in keys if key in masks), None)
         if path is None:
             continue
         white, count = read_mask(path), count + 1
@@ -163,12 +182,9 @@ def prepare_masks(mask: Path, photos: Sequence[Photo], copies: Path) -> int:
                 f"Mask {path} has {width}x{height} pixels, {photo.source} is of another shape "
                 f"({photo.width}x{photo.height} as used). Make it of the photo's size."
             )
-        size = photo.width, photo.height
-        resized = cv2.resize(white.astype(np.float32), size, interpolation=cv2.INTER_AREA)
-        copies.mkdir(parents=True, exist_ok=True)
-        PIL.Image.fromarray((resized >= 0.5).astype(np.uint8) * 255).save(
-            copies / f"{photo.copy}.png"
-        )
+        allowed = resize_mask(white, photo.width, photo.height).astype(np.uint8) * 255
+        target = copies / f"{photo.copy}.png"
+        write_picture(target, np.minimum(allowed, read_image(target)[..., 0]))
     if count == 0:
         raise CaptureError(
             f"No mask in {mask} belongs to a photo (it has {list_names(names, 5)}). Needed are "

@@ -139,12 +139,10 @@ def copied(photos: Path, folder: Path) -> list[Photo]:
     return prepare_photos(photos, names, folder, max(SIZE), 1, silent)
 
 
-def features_of(
-    photos: Sequence[Photo], copies: Path, database: Path, masks: Path | None = None
-) -> Features:
+def features_of(photos: Sequence[Photo], copies: Path, database: Path) -> Features:
     """The photos' plain features, in a new database."""
     enter_photos(database, copies, group_by_camera(photos, "auto"), "auto")
-    find_features(database, copies, masks, PLAIN, 1, silent)
+    find_features(database, copies, PLAIN, 1, silent)
     return Features(database, copies, photos)
 
 

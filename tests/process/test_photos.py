@@ -14,6 +14,7 @@ from desplat_ns.process.photos import Photo, prepare_masks, prepare_photos
 from tests.helpers.yard import (
     EDGE,
     Features,
+    copied,
     features_of,
     places_of,
     silent,
@@ -91,13 +92,14 @@ def test_there_are_no_features_where_a_mask_is_black_and_all_others_stay(
 ):
     """One mask for each photo, named as it is, in upper case too."""
     mask = write_mask_of_the_mark(tmp_path / "mask.png")
-    (tmp_path / "masks").mkdir()
+    (tmp_path / "mine").mkdir()
     for number in range(len(marked.photos)):
         name = f"{number:02d}.PNG" if number % 2 else f"{number:02d}.png.png"
-        (tmp_path / "masks" / name).write_bytes(mask.read_bytes())
-    assert prepare_masks(tmp_path / "masks", marked.photos, tmp_path / "m") == len(marked.photos)
-    database = tmp_path / "database.db"
-    features_of(marked.photos, marked.copies, database, tmp_path / "m")
+        (tmp_path / "mine" / name).write_bytes(mask.read_bytes())
+    database, copies = tmp_path / "database.db", tmp_path / "copies"
+    photos = copied(marked.copies.with_name("photos"), copies)
+    assert prepare_masks(tmp_path / "mine", photos, tmp_path / "masks") == len(photos)
+    features_of(photos, copies, database)
     without, masked = places_of(marked.database), places_of(database)
     for photo in marked.photos:
         before, after = without[photo.copy], masked[photo.copy]

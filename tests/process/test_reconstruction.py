@@ -96,7 +96,7 @@ def extract(mine: Features) -> None:
     """Find plain features of photos."""
     cameras = group_by_camera(mine.photos, "auto")
     enter_photos(mine.database, mine.copies, cameras, "auto")
-    find_features(mine.database, mine.copies, None, PLAIN, 1, silent)
+    find_features(mine.database, mine.copies, PLAIN, 1, silent)
 
 
 def verified_at_equal_places(mine: Features) -> tuple[int, int]:
