@@ -25,7 +25,7 @@ from desplat_ns.cores import cores
 from desplat_ns.errors import CaptureError, ConfigError
 from desplat_ns.files.whole import IN_USE, check_room, only_process_in, write_whole
 from desplat_ns.process.photos import Photo, group_by_camera, prepare_masks, prepare_photos
-from desplat_ns.process.reconstruction import FEW, PLAIN, THOROUGH, Attempt, reconstruct
+from desplat_ns.process.reconstruction import FEW, PLAIN, THOROUGH, Attempt, Model, reconstruct
 from desplat_ns.process.request import MIN_PHOTOS, Request, Sources
 from desplat_ns.process.undistortion import undistort
 
@@ -199,7 +199,7 @@ def _best_attempt(request: Request, is_video: bool, photos: Sequence[Photo]) -> 
     if known and (why := shortfall(best, len(photos))):
         free = [replace(photo, focal=0.0) for photo in photos]
         without = reconstruct(request, free, is_video, first)
-        if without.score > best.score:
+        if without.score[0] > best.score[0]:
             best, photos = without, free
             lengths = dict.fromkeys(f"{photo.focal / photo.film_pixels:.0f} mm" for photo in known)
             announce(
@@ -207,8 +207,7 @@ def _best_attempt(request: Request, is_video: bool, photos: Sequence[Photo]) -> 
                 f"{list_names(lengths, 3)} (as on 35 mm film). Poses are better without it.",
                 warning=True,
             )
-    why = shortfall(best, len(photos))
-    if request.effort != "auto" or not why:
+    if request.effort != "auto" or not (why := shortfall(best, len(photos))):
         return best
     announce(
         f"{why} Once more, thoroughly: more and truer features at full size, which takes several "
@@ -219,12 +218,10 @@ def _best_attempt(request: Request, is_video: bool, photos: Sequence[Photo]) -> 
 
 def shortfall(attempt: Attempt, of: int) -> str:
     """Why an attempt with `of` photos asks for another; empty where it does not."""
-    if not attempt.models:
-        return f"None of {of} photos have a pose."
-    model = attempt.models[0]
-    posed = len(model.photos)
-    thin = ", which share few points" if model.observations < FEW * posed else ""
-    bent = f", with {model.error:.2f} pixels of reprojection error" if model.is_bent else ""
+    first = attempt.models[0] if attempt.models else Model(Path(), (), 0, 0, 0.0)
+    posed = len(first.photos)
+    thin = ", which share few points" if first.observations < FEW * posed else ""
+    bent = f", with {first.error:.2f} pixels of reprojection error" if first.is_bent else ""
     return f"{posed} of {of} photos have a pose{thin}{bent}." if posed < of or thin or bent else ""
 
 
@@ -287,14 +284,12 @@ def report_lines(output: Path, findings: Mapping[str, Any]) -> list[str]:
             "that overlap by two thirds."
         )
     lines.append(f"Cameras and points from above: {output / 'cameras.png'}")
-    if findings["is_bent"]:
-        return [
-            *lines,
-            "Warning: this reprojection error is about twice the usual or more: poses are off by "
-            "percents of the scene, or by tenths. That is too much to train with. It comes from "
-            "zoom that changes (try --cameras photo, with another OUTPUT), a rolling shutter, "
-            "pictures of 360 degrees, or things that move.",
-        ]
     folder = shlex.quote(str(output))
-    lines.append(f"Train with: ns-train desplat --data {folder} --timestamp run --vis tensorboard")
-    return lines
+    train = f"Train with: ns-train desplat --data {folder} --timestamp run --vis tensorboard"
+    bent = (
+        "Warning: this reprojection error is about twice the usual or more: poses are off by "
+        "percents of the scene, or by tenths, and not worth training. It comes from zoom that "
+        "changes (try --cameras photo, with another OUTPUT), a rolling shutter, pictures of 360 "
+        "degrees, or things that move."
+    )
+    return [*lines, bent if findings["is_bent"] else train]

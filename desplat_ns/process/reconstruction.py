@@ -75,10 +75,10 @@ FEW = 200
 of ten tourists' photos were off by percents of the scene's extent, with 700 by a thousandth."""
 
 
-OFF = 0.7
-"""Pixels of mean reprojection error, of photos in which features are looked for at full size. Six
-sets of photos of 354 to 1600 pixels have at most 0.57; those that were zoomed or sheared 0.80 and
-0.96, and panoramas 0.84, with centres off by 2 to 21% of the scene."""
+BENT = 0.7
+"""Mean reprojection error in pixels, of photos of the plain recipe's size or smaller, above which
+poses are not relied on. Eight sets of photos have 0.25 to 0.57; with zoom, a rolling shutter or
+panoramas, and centres off by 2 to 21% of the scene and more, it is 0.80 to 0.96."""
 
 
 @dataclass(frozen=True)
@@ -126,8 +126,13 @@ class Model:
     observations: int
     error: float
     """Mean reprojection error in pixels."""
-    is_bent: bool = False
-    """Whether the error says that poses are off."""
+    side: int = 0
+    """Pixels of the longest one of its photos."""
+
+    @property
+    def is_bent(self) -> bool:
+        """Whether the error says that poses are off."""
+        return self.error > BENT * max(1.0, self.side / PLAIN.longest_side)
 
 
 @dataclass(frozen=True)
@@ -380,7 +385,13 @@ def map_photos(
     for index, model in mapped.items():
         if recipe.filtered is not None:
             pycolmap.ObservationManager(model).filter_all_points3D(*recipe.filtered)
-            adjust(model)
+            # bundle_adjustment (4.2.1) turns on the log lines of all pycolmap: the same without it
+            config = pycolmap.BundleAdjustmentConfig()
+            for image_id in model.reg_image_ids():
+                config.add_image(image_id)
+            config.fix_gauge(pycolmap.BundleAdjustmentGauge.TWO_CAMS_FROM_WORLD)
+            quiet = pycolmap.BundleAdjustmentOptions(print_summary=False)
+            pycolmap.create_default_bundle_adjuster(quiet, config, model).solve()
             model.update_point_3d_errors()
         folder = models / str(index)
         folder.mkdir(exist_ok=True)
@@ -388,17 +399,6 @@ def map_photos(
         names = sorted(model.image(i).name for i in model.reg_image_ids())
         error = float(np.nan_to_num(model.compute_mean_reprojection_error()))
         side = max(max(camera.width, camera.height) for camera in model.cameras.values())
-        is_bent = error > OFF * max(1.0, side / PLAIN.longest_side)
         points, observations = model.num_points3D(), model.compute_num_observations()
-        found.append(Model(folder, tuple(names), points, observations, error, is_bent))
+        found.append(Model(folder, tuple(names), points, observations, error, side))
     return sorted(found, key=lambda model: (-len(model.photos), model.error))
-
-
-def adjust(model: pycolmap.Reconstruction) -> None:
-    """As `pycolmap.bundle_adjustment`, which turns the log lines of all pycolmap on (4.2.1)."""
-    config = pycolmap.BundleAdjustmentConfig()
-    for image_id in model.reg_image_ids():
-        config.add_image(image_id)
-    config.fix_gauge(pycolmap.BundleAdjustmentGauge.TWO_CAMS_FROM_WORLD)
-    options = pycolmap.BundleAdjustmentOptions(print_summary=False)
-    pycolmap.create_default_bundle_adjuster(options, config, model).solve()
