@@ -195,8 +195,8 @@ def test_pictures_all_around_and_two_circles_are_refused(tmp_path: Path, seed: i
         assert is_refused(path, other)
 
 
-@pytest.mark.parametrize("kind", ["crop", "tile", "noise", "backdrop", "night", "plain"])
-def test_other_pictures_twice_as_wide_as_high_are_not(tmp_path: Path, kind: str):
+@pytest.mark.parametrize("kind", ["crop", "tile", "noise", "backdrop", "night", "plain", "3 to 2"])
+def test_other_pictures_are_not(tmp_path: Path, kind: str):
     path, rng = tmp_path / "a.png", np.random.default_rng(0)
     path.write_bytes(b"no XMP")
     backdrop = np.full((300, 600, 3), 200.0)  # a table before a wall, with a thing on it
@@ -212,6 +212,7 @@ def test_other_pictures_twice_as_wide_as_high_are_not(tmp_path: Path, kind: str)
         "backdrop": backdrop.clip(0, 255).astype(np.uint8),
         "night": night,
         "plain": np.full((300, 600, 3), 128, np.uint8),
+        "3 to 2": cv2.resize(panorama(), (450, 300)),
     }
     assert not is_refused(path, pictures[kind])
 
