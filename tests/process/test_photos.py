@@ -127,7 +127,7 @@ def test_what_is_transparent_gets_no_feature_and_is_written_as_a_png(photo_write
 
     np.testing.assert_array_equal(allowed(photos[0]), alpha[..., 0])
     assert (allowed(photos[1]) == 255).all()
-    below = np.repeat(np.uint8([[255], [0]]), 20, axis=0).repeat(60, axis=1)
+    below = np.repeat(np.array([[255], [0]], np.uint8), 20, axis=0).repeat(60, axis=1)
     PIL.Image.fromarray(below).save(tmp_path / "below.png")
     assert prepare_masks(tmp_path / "below.png", photos, tmp_path / "masks") == 2
     np.testing.assert_array_equal(allowed(photos[0]), np.minimum(alpha[..., 0], below))

@@ -131,7 +131,7 @@ def attempts(monkeypatch: pytest.MonkeyPatch, with_exif: Model, without: Model) 
 
 COPIES = tuple(f"{number:05d}.jpg" for number in range(1, 10))
 GOOD = Model(Path("good"), COPIES, 5000, 9000, 0.4, 480)
-BENT = replace(GOOD, error=0.8)
+BENT, FEWER = replace(GOOD, error=0.8), replace(GOOD, photos=COPIES[:8])
 
 
 @pytest.mark.parametrize(
@@ -140,7 +140,7 @@ BENT = replace(GOOD, error=0.8)
         (replace(GOOD, photos=COPIES[:2]), GOOD, "without"),
         (BENT, GOOD, "without"),
         (GOOD, GOOD, "with"),
-        (replace(GOOD, photos=COPIES[:8]), replace(GOOD, photos=COPIES[:8]), "with"),
+        (FEWER, replace(FEWER, observations=9001), "with"),
     ],
 )
 def test_where_focal_lengths_of_exif_do_harm_they_are_named_and_left_out(
