@@ -15,6 +15,7 @@ import json
 import shlex
 import shutil
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -24,7 +25,7 @@ from desplat_ns.cores import cores
 from desplat_ns.errors import CaptureError, ConfigError
 from desplat_ns.files.whole import IN_USE, check_room, only_process_in, write_whole
 from desplat_ns.process.photos import Photo, group_by_camera, prepare_masks, prepare_photos
-from desplat_ns.process.reconstruction import FEW, PLAIN, THOROUGH, Attempt, reconstruct
+from desplat_ns.process.reconstruction import FEW, PLAIN, THOROUGH, Attempt, Model, reconstruct
 from desplat_ns.process.request import MIN_PHOTOS, Request, Sources
 from desplat_ns.process.undistortion import undistort
 
@@ -128,7 +129,7 @@ def _make(request: Request, sources: Sources) -> dict[str, Any]:
     photos = _usable_photos(request, sources)
     best = _best_attempt(request, sources.is_video, photos)
     missing = left_out(photos, best)
-    if not best.models:
+    if not best.models or len(best.models[0].photos) < MIN_PHOTOS:
         reasons = " ".join(f"{list_names(names)}: {why}." for why, names in missing.items())
         raise CaptureError(
             f"No three of the {len(photos)} photos could be put together. {reasons}"
@@ -144,6 +145,7 @@ def _make(request: Request, sources: Sources) -> dict[str, Any]:
         "points": model.points,
         "observations": model.observations,
         "error": model.error,
+        "is_bent": model.is_bent,
         "left_out": missing,
     }
 
@@ -167,41 +169,60 @@ def _usable_photos(request: Request, sources: Sources) -> list[Photo]:
     side, threads = request.longest_side, request.threads or cores()
     with progress_with_time_left("Photos") as show:
         photos = prepare_photos(folder, names, work / "photos", side, threads, show)
-    problems = [f"{photo.source} ({photo.problem})" for photo in photos if photo.problem]
+    reasons: dict[str, list[str]] = {}
+    for photo in photos:
+        reasons.setdefault(photo.problem, []).append(photo.source)
     good = [photo for photo in photos if not photo.problem]
+    problems = [f"{list_names(names, 5)} ({why})" for why, names in reasons.items() if why]
     if len(good) < MIN_PHOTOS:
         raise CaptureError(
-            f"{len(good)} of {len(photos)} photos can be used; at least {MIN_PHOTOS} are needed. "
-            f"Not used: {list_names(problems, 5)}."
+            f"{len(good)} of {len(photos)} photos of {request.photos} can be used; at least "
+            f"{MIN_PHOTOS} are needed. Not used: {list_names(problems, 5)}."
         )
     if problems:
-        unused = f"{len(problems)} of {len(photos)} photos are not used"
+        unused = f"{len(photos) - len(good)} of {len(photos)} photos are not used"
         announce(f"{unused}: {list_names(problems)}.", warning=True)
     return good
 
 
 def _best_attempt(request: Request, is_video: bool, photos: Sequence[Photo]) -> Attempt:
-    """The plain way, the thorough one where it leaves photos out, or what was asked for: whichever
-    poses more photos."""
+    """The plain way; where it falls short also without EXIF's focal lengths, then the thorough one;
+    or what was asked for. Whichever has the best score."""
     cameras = group_by_camera(photos, request.cameras)
     announce(f"{len(photos)} photos, {len(cameras)} camera{'s' if len(cameras) > 1 else ''}.")
     if request.mask is not None:
         count = prepare_masks(request.mask, photos, request.output / "work" / "masks")
         announce(f"{count} of {len(photos)} photos have a mask.")
-    if request.effort == "thorough":
-        return reconstruct(request, photos, is_video, THOROUGH)
-    plain = reconstruct(request, photos, is_video, PLAIN)
-    posed, observations = plain.score
-    is_thin = observations < FEW * posed
-    if request.effort == "plain" or (posed == len(photos) and not is_thin):
-        return plain
-    thin = ", which share few points" if is_thin else ""
+    first = THOROUGH if request.effort == "thorough" else PLAIN
+    best = reconstruct(request, photos, is_video, first)
+    known = [photo for photo in photos if photo.focal]
+    if known and (why := shortfall(best, len(photos))):
+        free = [replace(photo, focal=0.0) for photo in photos]
+        without = reconstruct(request, free, is_video, first)
+        if without.score[0] > best.score[0]:
+            best, photos = without, free
+            lengths = dict.fromkeys(f"{photo.focal / photo.film_pixels:.0f} mm" for photo in known)
+            announce(
+                f"{why} EXIF of {len(known)} photos says that the focal length is "
+                f"{list_names(lengths, 3)} (as on 35 mm film). Poses are better without it.",
+                warning=True,
+            )
+    if request.effort != "auto" or not (why := shortfall(best, len(photos))):
+        return best
     announce(
-        f"{posed} of {len(photos)} photos have a pose{thin}. Once more, thoroughly: more and truer "
-        "features at full size, which takes several times as long (--effort plain leaves that out)."
+        f"{why} Once more, thoroughly: more and truer features at full size, which takes several "
+        "times as long (--effort plain leaves that out)."
     )
-    thorough = reconstruct(request, photos, is_video, THOROUGH)
-    return max(plain, thorough, key=lambda one: one.score)
+    return max(best, reconstruct(request, photos, is_video, THOROUGH), key=lambda one: one.score)
+
+
+def shortfall(attempt: Attempt, of: int) -> str:
+    """Why an attempt with `of` photos asks for another; empty where it does not."""
+    first = attempt.models[0] if attempt.models else Model(Path(), (), 0, 0, 0.0)
+    posed = len(first.photos)
+    thin = ", which share few points" if first.observations < FEW * posed else ""
+    bent = f", with {first.error:.2f} pixels of reprojection error" if first.is_bent else ""
+    return f"{posed} of {of} photos have a pose{thin}{bent}." if posed < of or thin or bent else ""
 
 
 # --- what came out -------------------------------------------------------------------------------
@@ -264,5 +285,11 @@ def report_lines(output: Path, findings: Mapping[str, Any]) -> list[str]:
         )
     lines.append(f"Cameras and points from above: {output / 'cameras.png'}")
     folder = shlex.quote(str(output))
-    lines.append(f"Train with: ns-train desplat --data {folder} --timestamp run --vis tensorboard")
-    return lines
+    train = f"Train with: ns-train desplat --data {folder} --timestamp run --vis tensorboard"
+    bent = (
+        "Warning: this reprojection error is about twice the usual or more: poses are off by "
+        "percents of the scene, or by tenths, and not worth training. It comes from zoom that "
+        "changes (try --cameras photo, with another OUTPUT), a rolling shutter, pictures of 360 "
+        "degrees, or things that move."
+    )
+    return [*lines, bent if findings["is_bent"] else train]

@@ -35,7 +35,7 @@ from desplat_ns.process.photos import Photo, group_by_camera
 from desplat_ns.process.request import MIN_PHOTOS, CameraModel, Request
 
 # All that pycolmap tells stands on the console else, between the bars of progress.
-pycolmap.logging.minloglevel = pycolmap.logging.ERROR.value
+pycolmap.logging.minloglevel = pycolmap.logging.FATAL.value
 
 Count = Callable[[int, int], None]
 """Called with what is done of a stage and what there is to do."""
@@ -43,6 +43,8 @@ Count = Callable[[int, int], None]
 TERMS = ((10, "RADIAL"), (3, "SIMPLE_RADIAL"), (1, "SIMPLE_PINHOLE"))
 """From so many photos of one camera on: two, one or no term of radial distortion. A term of a
 single photo takes up whatever does not fit, up to values that no lens has."""
+GUESS = 1.2
+"""COLMAP's: of the longer side, the focal length where nothing is known."""
 PHOTOS_AT_ONCE = 2
 """Of each thread in one call: few, so that progress is seen and a kill costs little."""
 PAIRS_AT_ONCE = 200
@@ -71,6 +73,12 @@ MANY = 100
 FEW = 200
 """Observations of each photo on average below which poses are not relied on: with 130 the centres
 of ten tourists' photos were off by percents of the scene's extent, with 700 by a thousandth."""
+
+
+BENT = 0.7
+"""Mean reprojection error in pixels, of photos of the plain recipe's size or smaller, above which
+poses are not relied on. Eight sets of photos have 0.25 to 0.57; with zoom, a rolling shutter or
+panoramas, and centres off by 2 to 21% of the scene and more, it is 0.80 to 0.96."""
 
 
 @dataclass(frozen=True)
@@ -118,6 +126,13 @@ class Model:
     observations: int
     error: float
     """Mean reprojection error in pixels."""
+    side: int = 0
+    """Pixels of the longest one of its photos."""
+
+    @property
+    def is_bent(self) -> bool:
+        """Whether the error says that poses are off."""
+        return self.error > BENT * max(1.0, self.side / PLAIN.longest_side)
 
 
 @dataclass(frozen=True)
@@ -133,10 +148,13 @@ class Attempt:
     """Names of two copies and the number of their verified matches, where there are any."""
 
     @property
-    def score(self) -> tuple[int, int]:
+    def score(self) -> tuple[float, int]:
         """Photos and observations of the first model: more photos are better, and with as many
-        more observations."""
-        return (len(self.models[0].photos), self.models[0].observations) if self.models else (0, 0)
+        more observations. Photos that are off count half."""
+        if not self.models:
+            return 0, 0
+        first = self.models[0]
+        return len(first.photos) / (2 if first.is_bent else 1), first.observations
 
 
 def reconstruct(
@@ -154,12 +172,12 @@ def reconstruct(
     """
     work, threads = request.output / "work", request.threads or cores()
     copies, place = work / "photos", work / recipe.name
-    masks = None if request.mask is None else work / "masks"
+    found = place / ("models" if any(photo.focal for photo in photos) else "models_without_exif")
     place.mkdir(parents=True, exist_ok=True)
     database, cameras = place / "database.db", group_by_camera(photos, request.cameras)
     enter_photos(database, copies, cameras, request.camera_model)
     with progress_with_time_left(f"Features ({recipe.name})") as show:
-        features = find_features(database, copies, masks, recipe, threads, show)
+        features = find_features(database, copies, recipe, threads, show)
     with progress_with_time_left(f"Matching ({recipe.name})") as show:
         match_photos(database, is_video, recipe, threads, show)
     matched, verified = verified_pairs(database)
@@ -170,7 +188,7 @@ def reconstruct(
             "a part of the camera's stand is all that matches, the photos share no place."
         )
     with progress_with_time_left(f"Mapping ({recipe.name})") as show:
-        models = map_photos(database, copies, place / "models", recipe, threads, show)
+        models = map_photos(database, copies, found, recipe, threads, show)
     return Attempt(recipe, models, features, verified)
 
 
@@ -181,34 +199,41 @@ def enter_photos(
     database: Path, copies: Path, cameras: Sequence[Sequence[Photo]], camera_model: CameraModel
 ) -> None:
     """Enter photos by their cameras, unless they are there. A camera starts with EXIF's focal
-    length, or with COLMAP's guess, 1.2 times the longer side."""
+    length, or with COLMAP's guess; where that is another than before, matches are verified anew."""
     entered = feature_counts(database).keys()
     for group in cameras:
-        names = [photo.copy for photo in group]
-        if entered >= set(names):
-            continue
+        names, size = [photo.copy for photo in group], (group[0].width, group[0].height)
         fitting = next(name for least, name in TERMS if len(group) >= least)
         model = fitting if camera_model == "auto" else camera_model
+        known = [photo.focal for photo in group if photo.focal]
+        focal = float(median(known)) if known else GUESS * max(size)
+        start = pycolmap.Camera.create_from_model_name(0, model, focal, *size)
+        if entered >= set(names):
+            _start_again(database, names[0], start, bool(known))
+            continue
         reader = pycolmap.ImageReaderOptions(camera_model=model)
-        if known := [photo.focal for photo in group if photo.focal]:
-            start = pycolmap.Camera.create_from_model_name(
-                0, model, median(known), group[0].width, group[0].height
-            )
+        if known:
             reader.camera_params = ",".join(map(repr, map(float, start.params)))
         pycolmap.import_images(database, copies, pycolmap.CameraMode.SINGLE, names, reader)
 
 
-def find_features(
-    database: Path, copies: Path, masks: Path | None, recipe: Recipe, threads: int, progress: Count
-) -> dict[str, int]:
-    """The number of SIFT features of each copy; copies that have them already are passed over.
+def _start_again(database: Path, copy: str, start: pycolmap.Camera, is_known: bool) -> None:
+    with pycolmap.Database.open(database) as db:
+        image = db.read_image_with_name(copy)
+        assert image is not None, "entered before"
+        start.camera_id = image.camera_id
+        start.has_prior_focal_length = is_known
+        if not np.array_equal(db.read_camera(start.camera_id).params, start.params):
+            db.update_camera(start)
+            db.clear_two_view_geometries()
 
-    Args:
-        masks: folder with COPY.png, or None.
-    """
-    reader = pycolmap.ImageReaderOptions()
-    if masks is not None:
-        reader.mask_path = masks
+
+def find_features(
+    database: Path, copies: Path, recipe: Recipe, threads: int, progress: Count
+) -> dict[str, int]:
+    """The number of SIFT features of each copy where `masks` beside them does not forbid any;
+    copies that have them already are passed over."""
+    reader = pycolmap.ImageReaderOptions(mask_path=copies.with_name("masks"))
     options = pycolmap.FeatureExtractionOptions()
     options.num_threads = threads
     options.max_image_size = recipe.longest_side or -1
@@ -360,13 +385,20 @@ def map_photos(
     for index, model in mapped.items():
         if recipe.filtered is not None:
             pycolmap.ObservationManager(model).filter_all_points3D(*recipe.filtered)
-            pycolmap.bundle_adjustment(model)
+            # bundle_adjustment (4.2.1) turns on the log lines of all pycolmap: the same without it
+            config = pycolmap.BundleAdjustmentConfig()
+            for image_id in model.reg_image_ids():
+                config.add_image(image_id)
+            config.fix_gauge(pycolmap.BundleAdjustmentGauge.TWO_CAMS_FROM_WORLD)
+            quiet = pycolmap.BundleAdjustmentOptions(print_summary=False)
+            pycolmap.create_default_bundle_adjuster(quiet, config, model).solve()
             model.update_point_3d_errors()
         folder = models / str(index)
         folder.mkdir(exist_ok=True)
         model.write(folder)
         names = sorted(model.image(i).name for i in model.reg_image_ids())
         error = float(np.nan_to_num(model.compute_mean_reprojection_error()))
-        observations = model.compute_num_observations()
-        found.append(Model(folder, tuple(names), model.num_points3D(), observations, error))
+        side = max(max(camera.width, camera.height) for camera in model.cameras.values())
+        points, observations = model.num_points3D(), model.compute_num_observations()
+        found.append(Model(folder, tuple(names), points, observations, error, side))
     return sorted(found, key=lambda model: (-len(model.photos), model.error))

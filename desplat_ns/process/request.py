@@ -4,14 +4,17 @@ that takes time."""
 from __future__ import annotations
 
 import os
+import re
+import shlex
+from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Annotated, Literal
 
 import tyro
 
-from desplat_ns.console import list_names, text_of
-from desplat_ns.data.photo_files import PHOTO_SUFFIXES, file_names
+from desplat_ns.console import announce, list_names, text_of
+from desplat_ns.data.photo_files import PHOTO_SUFFIXES, file_names, photo_names
 from desplat_ns.errors import CaptureError, ConfigError
 from desplat_ns.settings.options import check_ranges, option_of, ranged
 
@@ -21,6 +24,8 @@ Effort = Literal["auto", "plain", "thorough"]
 
 MIN_PHOTOS = 3
 """Two photos can be posed, but there would be none to hold out."""
+MASKS = re.compile(r"(?<![a-z])masks?(?![a-z])", re.IGNORECASE)
+"""In what folders of masks are called."""
 SUFFIXES = PHOTO_SUFFIXES | {".jpe", ".jp2", ".ppm", ".pgm", ".tga"}
 
 
@@ -58,7 +63,7 @@ class Request:
         check_ranges(self)
         if self.mask is not None and not self.mask.exists():
             raise ConfigError(f"--mask is {self.mask}, which does not exist.")
-        sources = find_sources(self.photos, self.output)
+        sources = find_sources(self.photos, self.output, self.mask)
         os.environ.setdefault("OMP_WAIT_POLICY", "passive")  # read as pycolmap is imported
 
         from desplat_ns.process.process import process  # takes a second: not before the checks
@@ -87,8 +92,9 @@ class Sources:
         return {name: f"{(self.folder / name).stat().st_size} bytes" for name in self.names}
 
 
-def find_sources(photos: Path, output: Path) -> Sources:
-    """The photos of a folder and the folders in it, or a video file; not what lies in `output`.
+def find_sources(photos: Path, output: Path, mask: Path | None = None) -> Sources:
+    """The photos of a folder and the folders in it, or a video file; not what lies in `output` or
+    `mask`, nor masks, which are told.
 
     Raises:
         CaptureError: nothing there, no photo, one or two photos, several videos.
@@ -97,7 +103,7 @@ def find_sources(photos: Path, output: Path) -> Sources:
         return Sources(photos.parent, (photos.name,), is_video=True)
     if not photos.is_dir():
         raise CaptureError(f"There is no '{photos}'. Name a folder of photos, or a video.")
-    out = output.resolve()
+    out, mask = output.resolve(), mask and mask.resolve()
     if photos.resolve().is_relative_to(out):
         raise CaptureError(
             f"The photos lie in the folder for the capture, {output}. Nothing is mixed with them: "
@@ -107,9 +113,18 @@ def find_sources(photos: Path, output: Path) -> Sources:
         name
         for name in file_names(photos)
         if not any(part.startswith(".") for part in name.split("/"))
-        and not (photos / name).resolve().is_relative_to(out)
+        and not {out, mask}.intersection([at := (photos / name).resolve(), *at.parents])
     ]
     names = [name for name in files if Path(name).suffix.lower() in SUFFIXES]
+    beside = [f"../masks/{name}" for name in photo_names(photos / "../masks")]
+    masks = masks_among([*names, *beside])
+    names = [name for name in names if name not in masks]
+    if masks and mask is None:
+        folder = photos / Path(masks[0]).parent
+        announce(
+            f"Masks of photos are in {folder}, as their names say, and are not used. To keep "
+            f"features off what is black in them: --mask {shlex.quote(str(folder))}."
+        )
     if broken := [t for name in names if (t := text_of(name)) != name or min(name) < " "]:
         raise CaptureError(
             f"{len(broken)} names in {photos} are no text in UTF-8, or have control characters: "
@@ -122,3 +137,12 @@ def find_sources(photos: Path, output: Path) -> Sources:
         f"({list_names(names or files, 5)}). At least {MIN_PHOTOS} are needed, better 20 and more, "
         f"from many places ({', '.join(sorted(PHOTO_SUFFIXES))}). A video is named by itself."
     )
+
+
+def masks_among(names: Sequence[str]) -> list[str]:
+    """Pictures in folders called masks that are named as one elsewhere: `masks/a.png` or
+    `masks/a.jpg.png` for `a.jpg`."""
+    paths = [PurePosixPath(name) for name in names]
+    called = [path for path in paths if MASKS.search(str(path.parent))]
+    others = {key for path in {*paths} - {*called} for key in (path.name, path.stem)}
+    return [str(path) for path in called if path.stem in others]

@@ -12,23 +12,24 @@ from pathlib import Path
 import numpy as np
 
 # PIL before pycolmap: pycolmap 4.2.1 imported first corrupted the heap when PNGs were written.
-import PIL.Image  # noqa: F401
+import PIL.Image
 import pycolmap
 from matplotlib.figure import Figure
 
 from desplat_ns.cores import cores
 from desplat_ns.files.whole import write_whole
-from desplat_ns.process.photos import JPEG_QUALITY, Photo
+from desplat_ns.process.photos import JPEG_QUALITY, Photo, write_picture
 from desplat_ns.process.request import Request
 
 
 def undistort(request: Request, model: Path, photos: Sequence[Photo]) -> None:
-    """Write OUTPUT/cameras.png, OUTPUT/images and OUTPUT/sparse/0, whole or not at all.
+    """Write OUTPUT/cameras.png, OUTPUT/images and OUTPUT/sparse/0, whole or not at all. Alpha is
+    undistorted as its photo is.
 
     Raises:
         OSError: photos could not be written as a whole.
     """
-    output, names = request.output, {photo.copy: photo.name for photo in photos}
+    output, by_copy = request.output, {photo.copy: photo for photo in photos}
     flat = output / "work" / "undistorted"
     shutil.rmtree(flat, ignore_errors=True)
     options = pycolmap.UndistortCameraOptions(max_image_size=request.longest_side)
@@ -41,16 +42,25 @@ def undistort(request: Request, model: Path, photos: Sequence[Photo]) -> None:
         num_threads=request.threads or cores(),
     )
     flat_model = pycolmap.Reconstruction(flat / "sparse")
+    bent_model = pycolmap.Reconstruction(model)
     draw_from_above(flat_model, output / "cameras.png")
     named, written = flat / "named", flat / "0"
     for image_id in flat_model.reg_image_ids():
         image = flat_model.image(image_id)
-        copy, target = flat / "images" / image.name, named / names[image.name]
+        photo, copy = by_copy[image.name], flat / "images" / image.name
         if not (copy.is_file() and copy.read_bytes().endswith(b"\xff\xd9")):  # JPEG's end marker
-            raise OSError(f"the undistorted {names[image.name]} is not whole")
+            raise OSError(f"the undistorted {photo.name} is not whole")
+        target, image.name = named / photo.name, photo.name
         target.parent.mkdir(parents=True, exist_ok=True)
-        copy.rename(target)
-        image.name = names[image.name]
+        if target.suffix != ".png":
+            copy.rename(target)
+            continue
+        bent = pycolmap.Bitmap.read(output / "work" / "masks" / f"{photo.copy}.png", as_rgb=False)
+        lens = bent_model.image(image_id).camera
+        assert bent is not None and lens is not None, "both are there before a model is"
+        alpha = pycolmap.undistort_image(options, bent, lens)[0].to_array()
+        with PIL.Image.open(copy) as picture:
+            write_picture(target, np.dstack([np.asarray(picture), alpha]))
     written.mkdir()
     flat_model.write(written)
     pycolmap.Reconstruction(written)  # a model that a full disk cut off is noticed here

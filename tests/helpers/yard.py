@@ -56,9 +56,15 @@ class Yard:
             write_image(folder / f"{number:02d}.png", picture)
         return folder
 
-    def film(self, path: Path) -> Path:
-        """A video that rests at each view, which is blurred, then sharp, then blurred again."""
-        writer = imageio_ffmpeg.write_frames(str(path), SIZE, fps=10, quality=9)
+    def film(self, path: Path, options: Sequence[str] = ()) -> Path:
+        """A video that rests at each view, which is blurred, then sharp, then blurred again.
+
+        Args:
+            options: further ones of ffmpeg.
+        """
+        writer = imageio_ffmpeg.write_frames(
+            str(path), SIZE, fps=10, quality=9, output_params=[*options]
+        )
         writer.send(None)
         for picture in self.pictures:
             blurred = cv2.GaussianBlur(picture, (0, 0), BLUR)
@@ -139,12 +145,10 @@ def copied(photos: Path, folder: Path) -> list[Photo]:
     return prepare_photos(photos, names, folder, max(SIZE), 1, silent)
 
 
-def features_of(
-    photos: Sequence[Photo], copies: Path, database: Path, masks: Path | None = None
-) -> Features:
+def features_of(photos: Sequence[Photo], copies: Path, database: Path) -> Features:
     """The photos' plain features, in a new database."""
     enter_photos(database, copies, group_by_camera(photos, "auto"), "auto")
-    find_features(database, copies, masks, PLAIN, 1, silent)
+    find_features(database, copies, PLAIN, 1, silent)
     return Features(database, copies, photos)
 
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +14,10 @@ import pytest
 
 from desplat_ns.errors import CaptureError, ConfigError
 from desplat_ns.layouts.dataparser import recognise
-from desplat_ns.process import video
+from desplat_ns.process import process, video
+from desplat_ns.process.photos import Photo
 from desplat_ns.process.process import is_made, report_lines
+from desplat_ns.process.reconstruction import Attempt, Model
 from desplat_ns.process.request import Request
 from tests.helpers.yard import CLOSE, EDGE, Yard, places_of, write_mask_of_the_mark
 
@@ -30,10 +34,17 @@ def findings_of(output: Path) -> dict[str, Any]:
 def test_plain_features_pose_all_photos_in_their_places(yard: Yard, tmp_path: Path):
     views = range(len(yard.pictures))
     photos, out = yard.write(tmp_path / "fotos über", views), tmp_path / "out"
+    opaque = np.full((*yard.pictures[0].shape[:2], 1), 255, np.uint8)
+    opaque[:60] = 0
+    PIL.Image.fromarray(np.dstack([yard.pictures[0], opaque])).save(photos / "00.png")
     (photos / "cut off.png").write_bytes((photos / "00.png").read_bytes()[:5000])
     Request(photos, out, effort="plain", threads=1).main()
     assert (findings_of(out)["photos"], findings_of(out)["of"]) == (12, 12)
-    assert yard.farthest(out / "sparse" / "0", {f"{view:02d}.jpg": view for view in views}) < CLOSE
+    names = {f"{view:02d}.{'jpg' if view else 'png'}": view for view in views}
+    assert yard.farthest(out / "sparse" / "0", names) < CLOSE
+    assert {path.name for path in (out / "images").iterdir()} == names.keys()
+    alpha = np.array(PIL.Image.open(out / "images" / "00.png"))[..., 3]
+    assert (alpha[:50] == 0).all() and (alpha[70:] == 255).all()  # the lens bends little
     assert recognise(out).layout == "COLMAP"
     assert (out / "cameras.png").is_file() and not (out / "work").exists()
     before = (out / "process.json").read_bytes()
@@ -43,13 +54,15 @@ def test_plain_features_pose_all_photos_in_their_places(yard: Yard, tmp_path: Pa
 
 @pytest.mark.slow
 def test_thorough_features_stay_off_what_a_mask_blackens_and_pose_all_photos(
-    yard: Yard, tmp_path: Path
+    yard: Yard, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ):
-    """A pattern stands still in their lowest quarter. Few photos: it takes longer."""
+    """A pattern stands still in their lowest quarter. Few photos: it takes longer. COLMAP's log,
+    whose lines begin as `I20260101 12:00`, is not said."""
     views = range(1, 11, 2)
     photos = yard.write(tmp_path / "photos", views, is_marked=True)
     mask, out = write_mask_of_the_mark(tmp_path / "mask.png"), tmp_path / "out"
     Request(photos, out, effort="thorough", mask=mask, threads=1, keep_work=True).main()
+    assert not re.search(r"(?m)^[IWEF]\d{8} |adjustment", "".join(capfd.readouterr()))
     place = out / "work" / "thorough"
     places = np.concatenate([*places_of(place / "database.db").values()])
     assert len(places) > 0 and (places[:, 1] < EDGE + 1).all()
@@ -98,7 +111,81 @@ def test_photos_that_are_all_the_same_are_told_and_nothing_is_left(photo_writer,
     assert not (tmp_path / "out").exists()
 
 
-FIGURES = {"photos": 3, "of": 9, "points": 5, "observations": 99, "error": 0.5}
+FIGURES = {
+    "photos": 3, "of": 9, "points": 5, "observations": 99, "error": 0.5, "is_bent": False,
+}  # fmt: skip
+
+
+def attempts(monkeypatch: pytest.MonkeyPatch, with_exif: Model, without: Model) -> list[str]:
+    """Stands in for pycolmap's part; what is returned fills with the recipes that are asked for."""
+    asked = []
+
+    def reconstruct(request: Request, photos: list[Photo], is_video: bool, recipe: Any) -> Attempt:
+        asked.append(recipe.name)
+        model = with_exif if any(photo.focal for photo in photos) else without
+        return Attempt(recipe, [model], dict.fromkeys((photo.copy for photo in photos), 9), [])
+
+    monkeypatch.setattr(process, "reconstruct", reconstruct)
+    return asked
+
+
+COPIES = tuple(f"{number:05d}.jpg" for number in range(1, 10))
+GOOD = Model(Path("good"), COPIES, 5000, 9000, 0.4, 480)
+BENT, FEWER = replace(GOOD, error=0.8), replace(GOOD, photos=COPIES[:8])
+
+
+@pytest.mark.parametrize(
+    ("with_exif", "without", "taken"),
+    [
+        (replace(GOOD, photos=COPIES[:2]), GOOD, "without"),
+        (BENT, GOOD, "without"),
+        (GOOD, GOOD, "with"),
+        (FEWER, replace(FEWER, observations=9001), "with"),
+    ],
+)
+def test_where_focal_lengths_of_exif_do_harm_they_are_named_and_left_out(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    with_exif: Model,
+    without: Model,
+    taken: str,
+):
+    photos = [
+        Photo(copy, copy, copy, width=400, height=300, sharpness=9.0, camera="A", focal=1560.0)
+        for copy in COPIES
+    ]
+    asked = attempts(monkeypatch, with_exif, without)
+    request = Request(tmp_path, tmp_path / "out", effort="plain")
+    best = process._best_attempt(request, False, photos)
+    assert best.models[0] is (without if taken == "without" else with_exif)
+    assert ("135 mm" in capsys.readouterr().out) == (taken == "without")
+    assert len(asked) == (1 if with_exif is GOOD else 2)
+
+
+def test_two_photos_with_a_pose_are_no_capture(
+    photo_writer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    for seed in range(3):
+        photo_writer(tmp_path / "photos" / f"{seed}.png", 60, 40, seed=seed)
+    attempts(monkeypatch, GOOD, replace(GOOD, photos=COPIES[:2]))
+    with pytest.raises(CaptureError, match=r"2\.png"):
+        Request(tmp_path / "photos", tmp_path / "out", effort="plain").main()
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("error", "side", "is_bent"), [(0.57, 960, False), (0.8, 540, True), (0.75, 1600, False)]
+)
+def test_an_error_of_twice_the_usual_is_a_warning_and_nothing_to_train_with(
+    error: float, side: int, is_bent: bool
+):
+    model = replace(GOOD, error=error, side=side)
+    found = {**FIGURES, "photos": 20, "observations": 20_000, "left_out": {}}
+    lines = report_lines(Path("out"), {**found, "is_bent": model.is_bent})
+    assert any(line.startswith("Warning") for line in lines) == is_bent
+    assert any("ns-train" in line for line in lines) != is_bent
+
 
 # --- the record ----------------------------------------------------------------------------------
 

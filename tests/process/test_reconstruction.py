@@ -96,7 +96,24 @@ def extract(mine: Features) -> None:
     """Find plain features of photos."""
     cameras = group_by_camera(mine.photos, "auto")
     enter_photos(mine.database, mine.copies, cameras, "auto")
-    find_features(mine.database, mine.copies, None, PLAIN, 1, silent)
+    find_features(mine.database, mine.copies, PLAIN, 1, silent)
+
+
+@pytest.mark.slow
+def test_another_focal_length_leaves_features_and_matches_and_verifies_anew(
+    plain: Features, tmp_path: Path
+):
+    mine = plain.again(tmp_path)
+    match_photos(mine.database, False, PLAIN, 1, silent)
+    known = [replace(photo, focal=500.0) for photo in mine.photos]
+    for photos, starts, matches in ((mine.photos, 384.0, True), (known, 500.0, False)):
+        enter_photos(mine.database, mine.copies, group_by_camera(photos, "auto"), "auto")
+        with pycolmap.Database.open(mine.database) as db:
+            (camera,) = db.read_all_cameras()
+            assert camera.mean_focal_length() == starts
+            assert (db.num_verified_image_pairs() > 0) == matches
+            assert db.num_matched_image_pairs() > 0
+    assert all(feature_counts(mine.database).values())
 
 
 def verified_at_equal_places(mine: Features) -> tuple[int, int]:

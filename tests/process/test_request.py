@@ -57,3 +57,33 @@ def test_a_number_that_cannot_be_is_named(tmp_path: Path, wrong: dict[str, int])
     (name,) = wrong
     with pytest.raises(ConfigError, match=f"--{name.replace('_', '-')}"):
         Request(tmp_path, tmp_path / "o", **wrong).main()  # pyright: ignore[reportArgumentType]
+
+
+@pytest.mark.parametrize("masks", ["masks", "day 1/Masks", "sky_masks/left"])
+def test_masks_that_lie_among_the_photos_are_not_taken_for_photos(
+    tmp_path: Path, masks: str, capsys: pytest.CaptureFixture[str]
+):
+    names = ("a.jpg", "b.jpg", "c.jpg", "carnival masks/2.jpg", "maskenball/a.jpg")
+    touch(tmp_path, *names, f"{masks}/a.png", f"{masks}/b.jpg.png")
+    assert find_sources(tmp_path, tmp_path / "out").names == tuple(sorted(names))
+    said = capsys.readouterr().out
+    assert f"--mask '{tmp_path / masks}'" in said or f"--mask {tmp_path / masks}" in said
+    find_sources(tmp_path, tmp_path / "out", tmp_path / masks)
+    assert capsys.readouterr().out == ""
+
+
+def test_masks_beside_the_photos_are_told_and_a_mask_among_them_is_no_photo(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    photos = touch(tmp_path / "images", *(f"{i}.jpg" for i in range(3)), "stick.png")
+    touch(tmp_path / "masks", "1.png")
+    assert len(find_sources(photos, tmp_path / "out").names) == 4
+    assert "masks" in capsys.readouterr().out
+    assert len(find_sources(photos, tmp_path / "out", photos / "stick.png").names) == 3
+
+
+def test_photos_in_a_folder_that_is_a_link_are_found(tmp_path: Path):
+    touch(tmp_path / "real", "1.jpg", "2.jpg")
+    photos = touch(tmp_path / "photos", "0.jpg")
+    (photos / "day2").symlink_to(tmp_path / "real")
+    assert find_sources(photos, tmp_path / "out").names == ("0.jpg", "day2/1.jpg", "day2/2.jpg")
