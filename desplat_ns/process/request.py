@@ -11,7 +11,7 @@ from typing import Annotated, Literal
 import tyro
 
 from desplat_ns.console import list_names, text_of
-from desplat_ns.data.photo_files import PHOTO_SUFFIXES, file_names
+from desplat_ns.data.photo_files import PHOTO_SUFFIXES, begin_folder, file_names, is_photo
 from desplat_ns.errors import CaptureError, ConfigError
 from desplat_ns.settings.options import check_ranges, option_of, ranged
 
@@ -21,7 +21,6 @@ Effort = Literal["auto", "plain", "thorough"]
 
 MIN_PHOTOS = 3
 """Two photos can be posed, but there would be none to hold out."""
-SUFFIXES = PHOTO_SUFFIXES | {".jpe", ".jp2", ".ppm", ".pgm", ".tga"}
 
 
 @dataclass(frozen=True)
@@ -109,13 +108,14 @@ def find_sources(photos: Path, output: Path) -> Sources:
         if not any(part.startswith(".") for part in name.split("/"))
         and not (photos / name).resolve().is_relative_to(out)
     ]
-    names = [name for name in files if Path(name).suffix.lower() in SUFFIXES]
+    names = [name for name in files if is_photo(Path(name))]
     if broken := [t for name in names if (t := text_of(name)) != name or min(name) < " "]:
         raise CaptureError(
             f"{len(broken)} names in {photos} are no text in UTF-8, or have control characters: "
             f"{list_names(broken, 5)}. Rename these files."
         )
     if len(names) >= MIN_PHOTOS:
+        begin_folder(photos, files)
         return Sources(photos, tuple(names), is_video=False)
     raise CaptureError(
         f"{photos} has {len(names)} photos among its {len(files)} files "
