@@ -357,7 +357,8 @@ def _channels(names: list[str]) -> list[int]:
     for layer in sorted(layers, key=len):
         if {layer + "g", layer + "b"} <= set(short):
             return [short.index(layer + letter) for letter in "rgba" if layer + letter in short]
-    if len(names) > 2 and ("y" not in short or {"x", "by"} & set(short)):
+    last = {name.split(".")[-1] for name in short}
+    if (len(names) > 2 and "y" not in short) or last & {"x", "z", "by"}:  # depth, XYZ, YBR
         return []
     grey = short.index("y") if "y" in short else 0
     return [grey, grey, grey, *(i for i, name in enumerate(short) if name == "a")]

@@ -51,9 +51,9 @@ def exposed_together(path: Path) -> Path:
     """The folder of whose photos one exposure is found: of the capture, also for reduced copies
     beside it; else that of the photo."""
     for parent in path.parents:
-        whole = parent.parent / re.sub(r"_[\d.]+$", "", parent.name)
-        if whole in _FOLDERS and whole.is_dir():
-            return whole
+        for folder in (parent, parent.parent / re.sub(r"_[\d.]+$", "", parent.name)):
+            if folder in _FOLDERS and folder.is_dir():
+                return folder
     return path.parent
 
 
