@@ -47,13 +47,10 @@ _KINDS = {
     "a pointer of git LFS (`git lfs pull` brings the photo)": rb"version https://git-lfs",
     "an HTML page, perhaps of a failed download": rb"(\xef\xbb\xbf)?\s*<(!doctype )?html",
     "a PDF": rb"%PDF",
-    "a ZIP archive": rb"PK\x03\x04",
     "a raw photo (Canon CR2), to be developed": rb"II\*\0.{4}CR",
     "a raw photo (Canon CR3), to be developed": rb".{4}ftypcrx",
     "a raw photo (DNG), to be developed": rb"II\*\0.*\x12\xc6\x01\0\x04|MM\0\*.*\xc6\x12\0\x01\0\0",
-    "a raw photo (Fujifilm RAF), to be developed": rb"FUJIFILMCCD-RAW",
-    "a raw photo (Olympus ORF), to be developed": rb"IIR[OS]|MMOR",
-    "a raw photo (Panasonic RW2), to be developed": rb"IIU\0",
+    "a raw photo of a camera, to be developed": rb"FUJIFILMCCD-RAW|IIR[OS]|MMOR|IIU\0",
     "HEIC": rb".{4}ftyp(hei[cxms]|hev[cx]|mif1|msf1)",
     "AVIF": rb".{4}ftypavi[fs]",
     "a video": rb".{4}ftyp|\x1aE\xdf\xa3|RIFF.{4}AVI ",
@@ -116,7 +113,7 @@ def read_image(path: Path, camera: Size | None = None) -> UInt8[np.ndarray, "H W
     photo = _open(path, camera)
     if photo.spec.format.basetype in (oiio.INT, oiio.UINT):
         raise _unreadable(path, "its samples are integers of 32 bits, and photos have 8 or 16")
-    if not (photo.is_float or photo.is_multiplied):
+    if not (photo.is_float or photo.is_linear or photo.is_multiplied):
         return np.ascontiguousarray(photo.read(oiio.UINT8))
     values = _light(path, photo)
     if photo.is_float:
@@ -285,7 +282,7 @@ def _open_oiio(path: Path) -> _Opened:
     hints.attribute("oiio:UnassociatedAlpha", 1)
     try:
         file = None if _kind(path)[:2] in ("a ", "an") else oiio.ImageInput.open(str(path), hints)
-    except TypeError:
+    except (TypeError, UnicodeError):
         raise _unreadable(path, "its name is no text in UTF-8", "Rename it") from None
     if file is None:
         raise _damaged(path, oiio.geterror())

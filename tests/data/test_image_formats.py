@@ -139,6 +139,10 @@ ROWS: dict[str, tuple[Callable[[Path], None], np.ndarray]] = {
         pil(np.uint8(255) * (GREY > 99), "1"),
         np.uint8(255) * (RGB[..., [0, 0, 0]] > 99),
     ),
+    "tiff zip.tif": (pil(RGB, compression="tiff_adobe_deflate"), RGB),
+    "tiff packbits.tif": (pil(RGB, compression="packbits"), RGB),
+    "tiff jpeg.tif": (pil(FLAT, compression="jpeg", quality=95), FLAT),
+    "tiff ycbcr.tif": (pil(FLAT, "YCbCr"), FLAT),
     "tiff cmyk.tif": (lambda p: tiff(p, CMYK, 5), RGB),
     "tiff alpha.tif": (lambda p: tiff(p, CODES, 2, t338=2), CODES),
     "tiff multiplied.tif": (
@@ -151,6 +155,10 @@ ROWS: dict[str, tuple[Callable[[Path], None], np.ndarray]] = {
     "exr layers.exr": (
         lambda p: write(p, FOUR_AND_DEPTH.astype(np.float32), LAYERS),
         np.dstack([RGB, np.full_like(GREY, 255)]),
+    ),
+    "exr long names.exr": (
+        lambda p: write(p, light(RGB).astype(np.float32)[..., ::-1], "v.blue v.green v.red"),
+        RGB,
     ),
     "exr grey.exr": (lambda p: write(p, light(GREY).astype(np.float32), "Y"), GREY[..., [0, 0, 0]]),
     "exr says sRGB.exr": (
@@ -169,6 +177,19 @@ ROWS: dict[str, tuple[Callable[[Path], None], np.ndarray]] = {
         lambda p: write(p, light(RGB).astype(np.float32), compression="lossless"),
         RGB,
     ),
+    "jxl half.jxl": (
+        lambda p: write(p, light(RGB).astype(np.float16), compression="lossless"),
+        RGB,
+    ),
+    "jxl linear 16.jxl": (
+        lambda p: write(
+            p,
+            np.rint(light(RGB) * 65535).astype(np.uint16),
+            compression="lossless",
+            oiio__ColorSpace="lin_rec709",
+        ),
+        RGB,
+    ),
     "jpeg 2000.jp2": (pil(RGB), RGB),
     "jpeg 2000 16.jp2": (pil(deep(GREY, 16)), GREY[..., [0, 0, 0]]),
     "webp.webp": (pil(RGB, lossless=True), RGB),
@@ -179,7 +200,12 @@ ROWS: dict[str, tuple[Callable[[Path], None], np.ndarray]] = {
     "tga.tga": (pil(CODES), CODES),
     "ppm 10.ppm": (lambda p: pnm(p, b"P6", deep(RGB, 10), 1023), RGB),
     "pgm 16.pgm": (lambda p: pnm(p, b"P5", deep(GREY, 16), 65535), GREY[..., [0, 0, 0]]),
+    "pfm.pfm": (lambda p: write(p, (RGB / 255).astype(np.float32)), RGB),
+    "tga rle.tga": (pil(RGB, compression="tga_rle"), RGB),
     "sgi.sgi": (pil(RGB), RGB),
+    "sgi 16.sgi": (lambda p: write(p, deep(RGB, 16)), RGB),
+    "dpx 8.dpx": (lambda p: write(p, RGB), RGB),
+    "dpx 16.dpx": (lambda p: write(p, deep(RGB, 16)), RGB),
     "gif.gif": (
         lambda p: Image.fromarray(RGB).quantize(16).save(p),
         np.dstack([PALETTE, np.full_like(GREY, 255)]),
@@ -198,6 +224,12 @@ def test_a_photo_comes_in_with_the_colours_that_were_written(tmp_path: Path, row
     write_it(tmp_path / row)
     np.testing.assert_array_equal(read_image(tmp_path / row), expected)
     assert image_size(tmp_path / row) == expected.shape[1::-1]
+
+
+def test_a_palette_of_tiff_is_followed(tmp_path: Path):
+    Image.fromarray(RGB).quantize(16).save(tmp_path / "a.tif")
+    # Pillow writes 256 times the codes, where the format has 257 times.
+    assert np.abs(read_image(tmp_path / "a.tif").astype(int) - PALETTE).max() <= 1
 
 
 def test_radiance_of_shared_exponents_keeps_eight_bits_of_the_brightest(tmp_path: Path):

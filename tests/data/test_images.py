@@ -56,11 +56,14 @@ def test_a_jpeg_that_says_too_much_is_refused_by_its_size_or_its_bytes(tmp_path:
             read(tmp_path / "a.jpg")
 
 
-def test_a_named_pipe_and_integers_of_32_bits_are_no_photo(tmp_path: Path):
+def test_pipes_names_that_are_no_text_and_integers_of_32_bits_are_refused(tmp_path: Path):
     os.mkfifo(tmp_path / "pipe.jpg")
     for read in (read_image, image_size):
         with pytest.raises(CaptureError, match=r"pipe\.jpg"):
             read(tmp_path / "pipe.jpg")
+    (tmp_path / os.fsdecode(b"\xfc.png")).write_bytes(b"\x89PNG")
+    with pytest.raises(CaptureError, match="UTF-8"):
+        read_image(tmp_path / os.fsdecode(b"\xfc.png"))
     Image.fromarray(np.ones((2, 2), np.int32)).save(tmp_path / "int.tif")
     with pytest.raises(CaptureError, match=r"int\.tif"):
         read_image(tmp_path / "int.tif")
