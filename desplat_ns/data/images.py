@@ -248,7 +248,10 @@ def _open(path: Path, camera: Size | None = None) -> _Photo:
         turn = 1
 
     def read(kind: Any) -> np.ndarray:
-        pixels: Any = decode(kind)
+        try:
+            pixels: Any = decode(kind)
+        except Exception as error:  # damage ends in errors of many kinds
+            raise _damaged(path, error) from error
         if (x, y, width, height) != (0, 0, spec.width, spec.height):  # black where it has none
             rows = max(0, -y), max(0, y + height - spec.height)
             columns = max(0, -x), max(0, x + width - spec.width)
@@ -304,7 +307,7 @@ def _open_oiio(path: Path) -> _Opened:
         pixels = file.read_image(part, 0, first, last + 1, kind)
         problem = file.geterror()
         if pixels is None or any("extraneous" not in line for line in problem.splitlines()):
-            raise _damaged(path, problem)
+            raise ValueError(problem)
         if channels != [*range(first, last + 1)]:
             pixels = pixels[..., [channel - first for channel in channels]]
         if is_inverted and spec.format.basetype != oiio.UINT8:  # OpenImageIO does it for these
@@ -326,10 +329,10 @@ def _open_heif(path: Path) -> _Opened:
     except ImportError as error:
         cure = "Type `pip install pillow-heif`, convert it"
         raise _unreadable(path, "pillow-heif is not installed", cure) from error
-    except Exception as error:  # damage ends in errors of many kinds
+    except Exception as error:
         raise _damaged(path, error) from error
     spec = oiio.ImageSpec(*image.size, len(mode), oiio.UINT8)
-    with suppress(Exception):  # so do damaged tags
+    with suppress(Exception):  # damaged tags
         tags = Image.Image.getexif(image)
         tags = {**tags, **tags.get_ifd(ExifTags.IFD.Exif)}
         for name in ("Make", "Model", "Orientation", _LENS, _FOCAL, _FOCAL_35MM):
@@ -337,10 +340,7 @@ def _open_heif(path: Path) -> _Opened:
                 spec.attribute(name, value if isinstance(value, str | int) else float(value))
 
     def decode(kind: Any) -> np.ndarray:
-        try:
-            pixels = np.asarray(image.convert(mode))
-        except Exception as error:
-            raise _damaged(path, error) from error
+        pixels = np.asarray(image.convert(mode))
         return pixels / np.float32(255) if kind == oiio.FLOAT else pixels
 
     return "heif", spec, decode

@@ -249,7 +249,7 @@ def test_a_photo_is_upright_and_for_its_camera_as_stored(
     exif = Image.Exif()
     exif[0x0112] = orientation
     path = tmp_path / f"a.{ending}"
-    Image.fromarray(stored).save(path, exif=exif, **({"quality": 95} if ending != "png" else {}))
+    Image.fromarray(stored).save(path, exif=exif, quality=95)
     corners = 2 * ["top left", "top right", "bottom right", "bottom left"]
     rows, columns = (32, 64) if orientation < 5 else (64, 32)
     top = slice(0, 16) if "top" in corners[orientation - 1] else slice(rows - 16, rows)
@@ -311,6 +311,7 @@ def test_of_several_parts_the_first_with_colours_is_read(tmp_path: Path):
         specs.append(oiio.ImageSpec(8, 6, pixels.shape[2], "float"))
         specs[-1].channelnames = tuple(names.split())
     file = oiio.ImageOutput.create(str(tmp_path / "a.exr"))
+    assert file is not None
     assert file.open(str(tmp_path / "a.exr"), tuple(specs)) and file.write_image(parts[0][1])
     assert file.open(str(tmp_path / "a.exr"), specs[1], "AppendSubimage")
     assert file.write_image(parts[1][1])
