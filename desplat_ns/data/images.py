@@ -25,7 +25,7 @@ from jaxtyping import Bool, Float, Float32, UInt8
 from PIL import ExifTags, Image
 
 from desplat_ns.console import announce
-from desplat_ns.data.photo_files import exposed_together, photo_names
+from desplat_ns.data.photo_files import exposed_together, file_names
 from desplat_ns.errors import CaptureError
 
 Size = tuple[int, int]
@@ -205,7 +205,7 @@ def _light(path: Path, photo: _Photo) -> Float32[np.ndarray, "H W C"]:
 def _exposure(folder: Path) -> float:
     """What values of floating point below a folder are multiplied by, a power of two: 1 where at
     most 5% of them are above 1.0, which is white, and not all are dark; else what makes it so."""
-    names = [name for name in photo_names(folder) if name.lower().endswith(FLOAT_SUFFIXES)]
+    names = [name for name in file_names(folder) if name.lower().endswith(FLOAT_SUFFIXES)]
     samples = [np.zeros(1, np.float32)]
     for name in names[:: max(1, math.ceil(len(names) / EXPOSED_FILES))]:
         with suppress(CaptureError):
@@ -367,16 +367,14 @@ def _kind(path: Path) -> str:
         with path.open("rb") as file:
             begins = file.read(4096)
     except OSError as error:
-        raise CaptureError(f"Image {path} cannot be read: {error.strerror}.") from error
+        raise CaptureError(f"Image {path} cannot be read: {error}. Mend that.") from error
     return next((k for k, magic in _KINDS.items() if re.match(magic, begins, re.S | re.I)), "")
 
 
 def _damaged(path: Path, problem: object) -> CaptureError:
-    what = (
-        "it is damaged, or of a " + ("variant" if _kind(path) else "format") + " that is not read"
-    )
     detail = " ".join(str(problem).split()) or "no pixels in it"
-    return _unreadable(path, f"{what} ({detail})", "Copy it again from its source, convert it")
+    what = f"damaged, or of a {'variant' if _kind(path) else 'format'} that is not read ({detail})"
+    return _unreadable(path, f"it is {what}", "Copy it again from its source, convert it")
 
 
 def _unreadable(path: Path, problem: str, cure: str = "Convert it to PNG") -> CaptureError:

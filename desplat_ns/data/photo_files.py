@@ -11,11 +11,9 @@ from pathlib import Path
 from desplat_ns.console import announce_once, list_names
 from desplat_ns.errors import CaptureError
 
-_SUFFIXES = """
-    .jpg .jpeg .jpe .png .tif .tiff .webp .bmp .avif .heic .heif .hif .jxl .jp2 .j2k .exr .hdr .dpx
-    .psd .tga .ppm .pgm .pnm .pfm .gif .sgi
-"""
-PHOTO_SUFFIXES = frozenset(_SUFFIXES.split())
+PHOTO_SUFFIXES = frozenset(
+    (".jpg", ".jpeg", ".jpe", ".png", ".tif", ".tiff", ".webp", ".bmp", ".avif", ".heic", ".heif")
+) | {".hif", ".jxl", ".jp2", ".j2k", ".exr", ".hdr", ".dpx", ".psd", ".tga", ".ppm", ".pgm"}
 """Endings of file names, in lower case."""
 
 _FOLDERS: set[Path] = set()
