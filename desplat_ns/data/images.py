@@ -28,9 +28,6 @@ from desplat_ns.console import announce
 from desplat_ns.data.photo_files import exposed_together, file_names
 from desplat_ns.errors import CaptureError
 
-Size = tuple[int, int]
-"""(width, height) in pixels."""
-
 MOST_PIXELS = 1 << 28
 """Of a photo, 16,384 x 16,384; one whose header says more is not decoded."""
 
@@ -86,8 +83,8 @@ class _Photo(NamedTuple):
     """Its header (`ImageSpec`), of the part that is read."""
     read: Callable[[Any], np.ndarray]
     """RGB or RGBA as stored, in a type of OpenImageIO's, turned; grey in three channels."""
-    size: Size
-    """Of what `read` gives."""
+    size: tuple[int, int]
+    """(width, height) of what `read` gives."""
     is_float: bool
     is_linear: bool
     """Whether the file says so; of PNG not, as no other program follows it there."""
@@ -95,7 +92,7 @@ class _Photo(NamedTuple):
     """Whether colours are multiplied by alpha."""
 
 
-def read_image(path: Path, camera: Size | None = None) -> UInt8[np.ndarray, "H W C"]:
+def read_image(path: Path, camera: tuple[int, int] | None = None) -> UInt8[np.ndarray, "H W C"]:
     """The photo, RGB (C = 3) or RGBA (C = 4).
 
     Without a camera it is turned as EXIF says. For a camera, given by width and height, pixels come
@@ -127,7 +124,7 @@ def read_image(path: Path, camera: Size | None = None) -> UInt8[np.ndarray, "H W
     return np.rint(values * 255).astype(np.uint8)
 
 
-def image_size(path: Path, camera: Size | None = None) -> Size:
+def image_size(path: Path, camera: tuple[int, int] | None = None) -> tuple[int, int]:
     """(width, height) in pixels, turned as `read_image` does it; reads the header only.
 
     Raises:
@@ -148,7 +145,7 @@ def lens_of(path: Path) -> Lens:
     return Lens(" ".join(filter(None, names)), focal_35mm if 0 < focal_35mm < math.inf else 0.0)
 
 
-def read_mask(path: Path, camera: Size | None = None) -> Bool[np.ndarray, "H W"]:
+def read_mask(path: Path, camera: tuple[int, int] | None = None) -> Bool[np.ndarray, "H W"]:
     """Where the mask, at its full depth, is neither black nor transparent, turned as `read_image`
     does it. Of a mask that is black all over alpha alone counts.
 
@@ -227,7 +224,7 @@ def _exposure(folder: Path) -> float:
     return 2.0**stops
 
 
-def _open(path: Path, camera: Size | None = None) -> _Photo:
+def _open(path: Path, camera: tuple[int, int] | None = None) -> _Photo:
     """The photo, not decoded yet. Raises CaptureError."""
     if not path.is_file():
         raise CaptureError(
