@@ -12,6 +12,7 @@ from typing import Literal
 from nerfstudio.data.dataparsers.colmap_dataparser import MAX_AUTO_RESOLUTION
 
 from desplat_ns.data.images import image_size
+from desplat_ns.data.photo_files import begin_folder
 from desplat_ns.data.reconstruction import Frame
 
 Rounding = Literal["floor", "round", "ceil"]
@@ -46,6 +47,9 @@ def photo_sources(
     A photo that is reduced is read from the folder beside `images` with the suffix `_factor`, if it
     is there at that size (`SIZE_TOLERANCE`), else from `images`. Nothing is written.
     """
+    folders = {(images / frame.name).parent for frame in frames}
+    entries = (path for folder in folders if folder.is_dir() for path in folder.iterdir())
+    begin_folder(images, [path.name for path in entries if path.is_file()])
     sources = []
     for frame, factor in zip(frames, factors, strict=True):
         sides = (reduced_length(side, factor, rounding) for side in (frame.width, frame.height))

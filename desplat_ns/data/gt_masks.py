@@ -11,17 +11,16 @@ from pathlib import Path
 import numpy as np
 import torch
 from jaxtyping import Bool
-from PIL import Image
 from torch import Tensor
 
-from desplat_ns.data.images import read_image
+from desplat_ns.data.images import read_grey
 from desplat_ns.data.reconstruction import Frame
 
 METADATA_KEY = "distractor_mask_filenames"
 """Where the data parser leaves the masks' paths (or None), one for each training photo."""
 
-MASK_LEVEL = 127
-"""8-bit grey above which a mask's pixel counts as distractor."""
+MASK_LEVEL = 0.5
+"""Grey above which a mask's pixel counts as distractor; in a mask without any, all above black."""
 
 
 def gt_masks(folder: Path, frames: Sequence[Frame]) -> dict[str, list[Path | None]]:
@@ -38,6 +37,9 @@ def gt_masks(folder: Path, frames: Sequence[Frame]) -> dict[str, list[Path | Non
 def read_gt_mask(path: Path, width: int, height: int) -> Bool[Tensor, "H W 1"]:
     """A mask image (white = distractor) at the given size in pixels, nearest neighbour. Raises
     CaptureError, naming the file, where it is missing or no image."""
-    grey = Image.fromarray(read_image(path)[..., :3]).convert("L")
-    mask = np.asarray(grey.resize((width, height), Image.Resampling.NEAREST)) > MASK_LEVEL
+    grey = read_grey(path)
+    rows = (np.arange(height) + 0.5) * grey.shape[0] / height
+    columns = (np.arange(width) + 0.5) * grey.shape[1] / width
+    level = MASK_LEVEL if grey.max() > MASK_LEVEL else 0
+    mask = grey[rows.astype(int)][:, columns.astype(int)] > level
     return torch.from_numpy(mask)[..., None]

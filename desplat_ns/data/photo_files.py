@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from desplat_ns.console import list_names
+from desplat_ns.console import announce_once, list_names
 from desplat_ns.errors import CaptureError
 
 PHOTO_SUFFIXES = frozenset(
-    (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".webp", ".bmp", ".avif", ".heic", ".heif", ".hif")
-)
+    (".jpg", ".jpeg", ".jpe", ".png", ".tif", ".tiff", ".webp", ".bmp", ".avif", ".heic", ".heif")
+) | {".hif", ".jxl", ".jp2", ".j2k", ".exr", ".hdr", ".dpx", ".psd", ".tga", ".ppm", ".pgm"}
 """Endings of file names, in lower case."""
+
+_FOLDERS: set[Path] = set()
+"""Folders of photos of captures that were read."""
 
 
 def is_photo(path: Path) -> bool:
@@ -25,6 +29,30 @@ def photo_names(folder: Path) -> list[str]:
     """Photos in a folder and the folders inside it, sorted: paths below it with forward slashes.
     Empty if there is no such folder."""
     return [name for name in file_names(folder) if is_photo(Path(name))]
+
+
+def begin_folder(folder: Path, names: Iterable[str]) -> None:
+    """Note that a capture's photos are in a folder: they are exposed together. Says once how many
+    of the files, paths below the folder, are no photos, which are passed over."""
+    _FOLDERS.add(folder)
+    shown = [name for name in names if not Path(name).name.startswith(".")]
+    others = [Path(name).suffix.lower() for name in shown if not is_photo(Path(name))]
+    if others:
+        kinds = list_names(f"{n} {kind or 'without ending'}" for kind, n in Counter(others).items())
+        announce_once(
+            f"{len(shown) - len(others)} photos of {len(shown)} files in {folder}, {len(others)} "
+            f"passed over: {kinds}."
+        )
+
+
+def exposed_together(path: Path) -> Path:
+    """The folder of whose photos one exposure is found: of the capture, also for reduced copies
+    beside it; else that of the photo."""
+    for parent in path.parents:
+        for folder in (parent, parent.parent / re.sub(r"_[\d.]+$", "", parent.name)):
+            if folder in _FOLDERS and folder.is_dir():
+                return folder
+    return path.parent
 
 
 def file_names(folder: Path) -> list[str]:

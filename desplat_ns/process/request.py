@@ -14,7 +14,13 @@ from typing import Annotated, Literal
 import tyro
 
 from desplat_ns.console import announce, list_names, text_of
-from desplat_ns.data.photo_files import PHOTO_SUFFIXES, file_names, photo_names
+from desplat_ns.data.photo_files import (
+    PHOTO_SUFFIXES,
+    begin_folder,
+    file_names,
+    is_photo,
+    photo_names,
+)
 from desplat_ns.errors import CaptureError, ConfigError
 from desplat_ns.settings.options import check_ranges, option_of, ranged
 
@@ -26,7 +32,6 @@ MIN_PHOTOS = 3
 """Two photos can be posed, but there would be none to hold out."""
 MASKS = re.compile(r"(?<![a-z])masks?(?![a-z])", re.IGNORECASE)
 """In what folders of masks are called."""
-SUFFIXES = PHOTO_SUFFIXES | {".jpe", ".jp2", ".ppm", ".pgm", ".tga"}
 
 
 @dataclass(frozen=True)
@@ -115,10 +120,10 @@ def find_sources(photos: Path, output: Path, mask: Path | None = None) -> Source
         if not any(part.startswith(".") for part in name.split("/"))
         and not {out, mask}.intersection([at := (photos / name).resolve(), *at.parents])
     ]
-    names = [name for name in files if Path(name).suffix.lower() in SUFFIXES]
+    names = [name for name in files if is_photo(Path(name))]
     beside = [f"../masks/{name}" for name in photo_names(photos / "../masks")]
     masks = masks_among([*names, *beside])
-    names = [name for name in names if name not in masks]
+    names, files = ([name for name in some if name not in masks] for some in (names, files))
     if masks and mask is None:
         folder = photos / Path(masks[0]).parent
         announce(
@@ -131,6 +136,7 @@ def find_sources(photos: Path, output: Path, mask: Path | None = None) -> Source
             f"{list_names(broken, 5)}. Rename these files."
         )
     if len(names) >= MIN_PHOTOS:
+        begin_folder(photos, files)
         return Sources(photos, tuple(names), is_video=False)
     raise CaptureError(
         f"{photos} has {len(names)} photos among its {len(files)} files "

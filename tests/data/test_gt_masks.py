@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 import torch
+from PIL import Image
 
 from desplat_ns.data.gt_masks import read_gt_mask
 from desplat_ns.errors import CaptureError
@@ -16,6 +18,13 @@ def test_a_mask_is_reduced_to_the_size_of_the_rendering(tmp_path: Path):
     mask = read_gt_mask(write_mask(tmp_path / "big.png", 1, scale=3), WIDTH, HEIGHT)
     assert mask.shape == (HEIGHT, WIDTH, 1)
     assert torch.equal(mask[..., 0], torch.tensor([[True, False, False, False]] * HEIGHT))
+
+
+@pytest.mark.parametrize("kind", [np.uint8, np.uint16])
+def test_in_a_mask_of_0_and_1_what_is_1_counts(tmp_path: Path, kind: type):
+    Image.fromarray(np.array([[0, 1, 1, 0]] * HEIGHT, kind)).save(tmp_path / "a.png")
+    mask = read_gt_mask(tmp_path / "a.png", WIDTH, HEIGHT)
+    assert torch.equal(mask[..., 0], torch.tensor([[False, True, True, False]] * HEIGHT))
 
 
 @pytest.mark.parametrize("content", [None, b"not an image"])

@@ -4,7 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from desplat_ns.data.photo_files import downscale_factors, photo_names, photos_near
+from desplat_ns.data.photo_files import (
+    begin_folder,
+    downscale_factors,
+    exposed_together,
+    photo_names,
+    photos_near,
+)
 
 
 def touch(folder: Path, *names: str) -> Path:
@@ -38,3 +44,27 @@ def test_factors_are_those_of_folders_beside_the_photos(tmp_path: Path):
     touch(tmp_path, "images_5")
     assert downscale_factors(tmp_path / "images") == [2, 16]
     assert downscale_factors(tmp_path / "absent" / "images") == []
+
+
+def test_files_that_are_passed_over_are_counted_by_their_endings(tmp_path: Path, capsys):
+    names = ["a.JPG", "b/c.jxl", "b/d.dng", "e.DNG", "f", "g.xmp", ".hidden", "b/._a.jpg"]
+    for _ in range(2):
+        begin_folder(tmp_path, names)
+    said = " ".join(capsys.readouterr().out.split())
+    assert said.count("2 photos of 6 files") == 1
+    assert "4 passed over: 2 .dng, 1 without ending, 1 .xmp" in said
+
+
+def test_where_all_files_are_photos_nothing_is_said(tmp_path: Path, capsys):
+    begin_folder(tmp_path, ["a.jpg", ".DS_Store"])
+    assert capsys.readouterr().out == ""
+
+
+def test_photos_of_a_capture_and_their_reduced_copies_are_exposed_together(tmp_path: Path):
+    touch(tmp_path, "images/day/a.exr", "images_4/day/a.exr", "alone_2/a.exr", "other/a.exr")
+    for name in ("images", "alone_2"):
+        begin_folder(tmp_path / name, [])
+    of = {path.parent: exposed_together(path) for path in tmp_path.rglob("*.exr")}
+    assert of[tmp_path / "images/day"] == of[tmp_path / "images_4/day"] == tmp_path / "images"
+    assert of[tmp_path / "alone_2"] == tmp_path / "alone_2"
+    assert of[tmp_path / "other"] == tmp_path / "other"

@@ -19,12 +19,15 @@ def touch(folder: Path, *names: str) -> Path:
     return folder
 
 
-def test_photos_in_folders_are_found_and_hidden_ones_and_the_output_are_not(tmp_path: Path):
+def test_photos_in_folders_are_found_and_hidden_ones_and_the_output_are_not(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
     names = ("b ü.jpg", "a/1.PNG", "note.txt", "a/2.png", ".x.jpg", "out/images/9.jpg")
     touch(tmp_path, *names, ".thumbnails/0.jpg", "trip/.picasaoriginals/0.jpg")
     sources = find_sources(tmp_path, tmp_path / "out")
     assert sources.names == ("a/1.PNG", "a/2.png", "b ü.jpg")
     assert not sources.is_video
+    assert "1 passed over: 1 .txt" in " ".join(capsys.readouterr().out.split())
 
 
 @pytest.mark.parametrize("names", [(), ("a.jpg",), ("a.txt",), ("a.mp4",)])
