@@ -1,5 +1,5 @@
-"""SSIM, of evaluation and of the photometric loss: pytorch_msssim's value and gradient, at a tenth of
-its cost on a CPU."""
+"""SSIM of the photometric loss: pytorch_msssim's value and gradient, at a tenth of its cost on a
+CPU."""
 
 from __future__ import annotations
 
