@@ -31,21 +31,15 @@ class OfRun:
 
 
 def run(command: Any, **options: Any) -> None:
-    """Read a command's options, call its `main`, and print a user's mistake without a traceback.
-
-    Args:
-        command: a dataclass with `main`, or a union of such.
-        options: of `tyro.cli`.
-    """
+    """Read the options of a dataclass with `main`, or of a union of such, and call `main`; a user's
+    mistake has no traceback. `options`: of `tyro.cli`."""
     print_user_errors_plainly()
     tyro.cli(command, prog=Path(sys.argv[0]).name, **options).main()
 
 
 def run_on_capture(command: Any, name: str) -> None:
-    """As `run`, for a command whose options a data parser's name and options may follow, as those
-    of ns-train; `main` is given these words. They are not looked at here: data parsers come from
-    nerfstudio, which takes seconds to import.
-    """
+    """As `run`, for a command whose options a data parser's name and options may follow; `main` is
+    given these words. They are not looked at here: nerfstudio takes seconds to import."""
     print_user_errors_plainly()
     options, words = split_words(command, name, sys.argv[1:])
     options.main(words)
