@@ -120,13 +120,14 @@ def plain_errors(path: Path, option: str = "--output") -> Iterator[None]:
 
 @contextmanager
 def only_process_in(folder: Path) -> Iterator[None]:
-    """Within, no other process works in a folder, which is made; afterwards only what is in it is
-    left. The operating system lets go of the lock however a process ends.
+    """Within, no other process works in a folder, which is made with those that it is in; of these
+    the ones that are left empty go again. The operating system lets go of the lock however a
+    process ends.
 
     Raises:
         ConfigError: another process is at work there, or nothing can be written there.
     """
-    path, made = folder / IN_USE, not folder.exists()
+    path, made = folder / IN_USE, [at for at in (folder, *folder.parents) if not at.exists()]
     lock = FileLock(path, timeout=0)
     try:
         try:
@@ -148,9 +149,9 @@ def only_process_in(folder: Path) -> Iterator[None]:
             with suppress(OSError):
                 path.unlink()  # while it is held: filelock notices that a file is gone
         lock.release()
-        if made:
+        for at in made:  # inner ones first; one that is not empty keeps those around it
             with suppress(OSError):
-                folder.rmdir()  # where it is empty
+                at.rmdir()
 
 
 def _sync(path: Path) -> None:

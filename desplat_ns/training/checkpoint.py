@@ -90,24 +90,14 @@ def refuse_to_replace(checkpoints: Path, goes_on_from: Path | None) -> None:
 
 @contextmanager
 def run_folder(folder: Path) -> Iterator[None]:
-    """Within, no other process works in a folder, which is made with those that it is in. Of these
-    the ones that are left empty are removed again; nothing else ever is.
-
-    Raises:
-        ConfigError: as `only_process_in`.
-        SystemExit: in place of KeyboardInterrupt, after which nerfstudio's commands end with 0.
-    """
-    made = [path for path in (folder, *folder.parents) if not path.exists()]
+    """As `only_process_in`, with SystemExit in place of KeyboardInterrupt, after which nerfstudio's
+    commands end with 0."""
     try:
         with only_process_in(folder):
             yield
     except KeyboardInterrupt:
         announce("Ended by Ctrl+C before the first step.", warning=True)
         raise SystemExit(130) from None
-    finally:
-        for path in made:  # inner ones first; one that is not empty keeps those around it
-            with suppress(OSError):
-                path.rmdir()
 
 
 # --- read ----------------------------------------------------------------------------------------
