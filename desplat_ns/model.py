@@ -392,7 +392,7 @@ class DeSplatModel(SplatfactoModel):
             return {}
         metrics: dict[str, Any] = super().get_metrics_dict(outputs, batch)
         if self.distractors is not None:
-            metrics["distractor_count"] = self.distractors.total
+            metrics["distractor_count"] = sum(self.distractors.counts())
         return metrics
 
     # --- what is drawn -----------------------------------------------------------------------

@@ -99,7 +99,8 @@ class DeSplatModelConfig(SplatfactoModelConfig):
         )
         if self.effects.settled().appearance in ("affine", "sh"):
             run.opacity_prior = 0.0
-        run.distractors = self.distractors.for_views(num_views, self.warmup_length, scale)
+        warmup, _ = self.distractors.warmup_of(num_views, self.warmup_length, scale)
+        run.distractors = replace(self.distractors, static_warmup=warmup)
         return run
 
     def warmup_of(self, num_views: int) -> tuple[int, int]:

@@ -104,7 +104,12 @@ def _blend(
     y, x = torch.meshgrid(centers + corner[1], centers + corner[0], indexing="ij")
     d = entries[:, None, :2] - torch.stack([x, y], dim=-1).reshape(1, -1, 2)
     if sums is not None and d.requires_grad:
-        _add_up_when_differentiated(d, *sums)
+        total, ids = sums
+
+        def add(grad: Tensor) -> None:
+            total.index_add_(0, ids, grad.abs().sum(dim=1))
+
+        d.register_hook(add)
     xx, xy, yy, opacity = entries[:, 2:6, None].unbind(dim=1)
     dx, dy = d.unbind(dim=-1)
     sigma = 0.5 * (xx * dx * dx + yy * dy * dy) + xy * dx * dy
@@ -115,15 +120,6 @@ def _blend(
     before = torch.cat([torch.ones_like(after[:1]), after[:-1]])
     weights = torch.where(after > TRANSMITTANCE_MIN, alpha * before, 0)
     return weights.T @ entries[:, 6:]
-
-
-def _add_up_when_differentiated(
-    d: Float[Tensor, "S P 2"], total: Float[Tensor, "N 2"], ids: Int[Tensor, " S"]
-) -> None:
-    def add(grad: Tensor) -> None:
-        total.index_add_(0, ids, grad.abs().sum(dim=1))
-
-    d.register_hook(add)
 
 
 @torch.no_grad()

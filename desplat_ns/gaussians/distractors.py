@@ -148,11 +148,6 @@ class DistractorGaussians(nn.Module):
         """Number of Gaussians of every training view, counted anew."""
         return [len(view) for view in self.views]
 
-    @property
-    def total(self) -> int:
-        """Number of Gaussians of all views."""
-        return sum(self.counts())
-
     def _apply(self, fn: Callable[[Tensor], Tensor], *args: Any, **options: Any) -> Any:
         """torch's hook of `to`: parameters move in place."""
         for view in self.views:
