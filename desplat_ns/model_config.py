@@ -99,8 +99,7 @@ class DeSplatModelConfig(SplatfactoModelConfig):
         )
         if self.effects.settled().appearance in ("affine", "sh"):
             run.opacity_prior = 0.0
-        warmup, _ = self.distractors.warmup_of(num_views, self.warmup_length, scale)
-        run.distractors = replace(self.distractors, static_warmup=warmup)
+        run.distractors = replace(self.distractors, static_warmup=self.warmup_of(num_views)[0])
         return run
 
     def warmup_of(self, num_views: int) -> tuple[int, int]:
@@ -113,7 +112,7 @@ class DeSplatModelConfig(SplatfactoModelConfig):
     def downscale_factor(self, step: int) -> int:
         """By how much photos are smaller at a nominal step: with a warm-up, small photos are over
         by the middle of it. Call it on what `for_run` gave."""
-        warmup = self.distractors.static_warmup if self.effects.settled().distractors else 0
+        warmup = self.distractors.static_warmup
         usual = photo_downscale(step, self.num_downscales, self.resolution_schedule, warmup)
         return max(self.train_downscale, usual)
 
