@@ -16,8 +16,7 @@ from jaxtyping import Bool, UInt8
 from torch import Tensor
 
 from desplat_ns.console import progress_over
-from desplat_ns.evaluation.pictures import over_checkerboard, to_rgb8
-from desplat_ns.files.pages import LARGEST_SIDE, Picture, shrunk
+from desplat_ns.files.pages import LARGEST_SIDE, Picture, over_checkerboard, shrunk, to_rgb8
 from desplat_ns.pipeline import DeSplatPipeline
 from desplat_ns.rendering.views import view_of
 from desplat_ns.report.views import Unlike, unlike_in

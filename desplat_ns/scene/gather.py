@@ -25,11 +25,10 @@ from desplat_ns.console import progress_over, text_of
 from desplat_ns.data.training_views import image_names
 from desplat_ns.datamanager import DeSplatDataManager
 from desplat_ns.errors import CaptureError, ConfigError
-from desplat_ns.evaluation.pictures import to_rgb8
 from desplat_ns.export.export import reach_of, shown_in, static_cloud
 from desplat_ns.export.formats import Y_UP
 from desplat_ns.export.splat_cloud import Similarity, SplatCloud, baked, harmonics_of
-from desplat_ns.files.pages import LARGEST_SIDE, shrunk
+from desplat_ns.files.pages import LARGEST_SIDE, shrunk, to_rgb8
 from desplat_ns.gaussians.activation import activate_distractors
 from desplat_ns.model import DeSplatModel
 from desplat_ns.photo_tourism.appearance import as_harmonics
