@@ -69,14 +69,9 @@ def default_device() -> str:
 
 
 def resolve(name: BackendName, device: str | None = None) -> Rasterizer:
-    """The rasterizer called `name`; `auto` is the fastest that there is for the device type.
-
-    Args:
-        device: "cpu" or "cuda", where the splats will be; by default what this machine has.
-
-    Raises:
-        BackendUnavailableError: `name` is unknown, or cannot run there.
-    """
+    """The rasterizer called `name`; `auto` is the fastest that there is for the device type ("cpu",
+    "cuda") where the splats will be, by default what this machine has. Raises
+    BackendUnavailableError where `name` is unknown, or cannot run there."""
     device = device or default_device()
     taken = FASTEST.get(device, "torch") if name == "auto" else name
     if taken not in _CLASSES:
@@ -90,11 +85,8 @@ def resolve(name: BackendName, device: str | None = None) -> Rasterizer:
 
 
 def compile_kernels(name: BackendName, device: str) -> float:
-    """Have compiled whatever a backend needs on a device type, or raise as `resolve` does.
-
-    Returns:
-        Seconds that this took; about none where they were there.
-    """
+    """Have compiled whatever a backend needs on a device type; seconds that this took, about none
+    where it was there. Raises as `resolve`."""
     began = time.monotonic()
     if resolve(name, device).name == "numba":
         from desplat_ns.backend.numba_kernels import runtime

@@ -67,11 +67,8 @@ class TorchRasterizer:
 def _draw(
     projected: ProjectedSplats, features: Float[Tensor, "N F"], view: View, absgrad: Tensor | None
 ) -> Float[Tensor, "H W F"]:
-    """Features summed up in each pixel; see the module.
-
-    Args:
-        absgrad: [1, N, 2]; the backward pass adds the sum over pixels of |d loss / d mean|.
-    """
+    """Features summed up in each pixel; the backward pass adds the sum over pixels of
+    |d loss / d mean| to `absgrad` [1, N, 2]."""
     columns, rows = -(-view.width // TILE), -(-view.height // TILE)
     listed, counts = tile_lists(projected, columns, rows)
     shapes = torch.cat([projected.means2d[0], projected.conics, projected.opacities[:, None]], -1)
