@@ -56,10 +56,8 @@ def photometric_losses(
 def distractor_opacity_loss(
     alpha_d: Float[Tensor, "H W 1"], free: Float[Tensor, "H W 1"] | None = None
 ) -> Float[Tensor, ""]:
-    """Mean opacity of the distractors, in [0, 1]: a price on what they explain.
-
-    Args:
-        free: 1 in pixels where opacity costs nothing, 0 in others.
+    """Mean opacity of the distractors, in [0, 1]: a price on what they explain. `free` is 1 in
+    pixels where opacity costs nothing, 0 in others.
 
     Source: Eq. 5, the term weighted by lambda_d; `free` is ours (docs/explain/separation.md).
     """
@@ -71,10 +69,8 @@ def distractor_opacity_loss(
 def static_transparency_loss(
     alpha_s: Float[Tensor, "H W 1"], where: Float[Tensor, "H W 1"] | None = None
 ) -> Float[Tensor, ""]:
-    """Mean transparency of the static scene, in [0, 1]: it should fill the image by itself.
-
-    Args:
-        where: how much each pixel counts, in [0, 1]; None where all of them do.
+    """Mean transparency of the static scene, in [0, 1]: it should fill the image by itself. A pixel
+    counts by `where`, in [0, 1].
 
     Source: Eq. 5, the term weighted by lambda_s; `where` is ours.
     """
@@ -86,13 +82,9 @@ def static_transparency_loss(
 def mean_shown_opacity(
     opacities: Float[Tensor, "N 1"], visible: Bool[Tensor, " N"]
 ) -> Float[Tensor, ""]:
-    """Mean opacity, in [0, 1], of the Gaussians that a view shows; 0 where it shows none.
-
-    Those that it does not show stay out: Adam would move what few photos see at every step, while
-    the photos speak for it at a few.
-
-    Args:
-        opacities: logits.
+    """Mean opacity, in [0, 1], of the Gaussians that a view shows, from logits; 0 where it shows
+    none. Those that it does not show stay out: Adam would move what few photos see at every step,
+    while the photos speak for it at a few.
 
     Source: the regularizer of Kheradmand et al. 2024 (Sec. 3.4), which is over all Gaussians.
     """

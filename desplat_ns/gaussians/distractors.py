@@ -31,9 +31,7 @@ class ViewDistractors:
     refinement goes by, in the shapes that gsplat's operations expect."""
 
     def __init__(self, start: Mapping[str, Tensor]):
-        """Args:
-        start: raw parameters by `PARAMETER_NAMES`, N rows each; N changes as training goes on.
-        """
+        """`start`: raw parameters by `PARAMETER_NAMES`, N rows each; N changes in training."""
         self.params = {name: nn.Parameter(value) for name, value in start.items()}
         self.optimizers: dict[str, Optimizer] = {}
         """By name; empty until the view is trained, so that they are where its parameters are."""
@@ -129,14 +127,8 @@ class DistractorGaussians(nn.Module):
     """
 
     def __init__(self, config: DistractorConfig, cameras: Cameras):
-        """Start every view's distractors in front of its camera.
-
-        Args:
-            cameras: the training cameras, shape [V].
-
-        Raises:
-            ConfigError: if a setting lies outside its range.
-        """
+        """Start every view's distractors in front of its camera; the training cameras have the
+        shape [V]. Raises ConfigError where a setting lies outside its range."""
         super().__init__()
         check_ranges(config, "--pipeline.model.distractors")
         self.views = [
@@ -186,14 +178,9 @@ def distractors_at(
     pixels: Float[Tensor, "n 2"],
     rgbs: Float[Tensor, "n 3"],
 ) -> dict[str, Tensor]:
-    """Raw parameters of distractors at `DEPTH` in front of a camera.
-
-    Each is half as wide as the spacing of `config.per_view` that would cover the image.
-
-    Args:
-        pixels: where they are seen, x and y.
-        rgbs: in [0, 1].
-    """
+    """Raw parameters of distractors at `DEPTH` in front of a camera, of colours in [0, 1], seen at
+    `pixels` (x, y). Each is half as wide as the spacing of `config.per_view` that would cover the
+    image."""
     n = len(pixels)
     fx, fy, cx, cy = view.K[0, 0], view.K[1, 1], view.K[0, 2], view.K[1, 2]
     x, y = (pixels[:, 0] - cx) / fx, (pixels[:, 1] - cy) / fy
