@@ -30,13 +30,8 @@ def mixed_light(
     text: str, names: Sequence[str], lights: ImageEffects, given_by: str = VARIABLE
 ) -> Float[Tensor, " E"]:
     """The embedding of a text such as `VARIABLE` holds: of a training image, or a mix of some.
-
-    Args:
-        given_by: what an error calls the place of the text.
-
-    Raises:
-        ConfigError: an image that is not a training image, or shares that make no mix.
-    """
+    Raises ConfigError, which says what the text was `given_by`, of an image that is not a training
+    image, or shares that make no mix."""
     parts: list[tuple[int, float]] = []
     for part in filter(None, text.split(",")):
         name, share = part.strip(), "1"
