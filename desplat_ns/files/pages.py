@@ -39,10 +39,8 @@ Shown: TypeAlias = (
 
 
 def template(path: Path, **filters: Callable[..., Any]) -> jinja2.Template:
-    """A template that escapes what it is given, and fails where a name is unknown.
-
-    Besides `filters` it has `time`.
-    """
+    """A template that escapes what it is given, and fails where a name is unknown. Besides
+    `filters` it has `time`."""
     environment = jinja2.Environment(
         autoescape=True,
         undefined=jinja2.StrictUndefined,
@@ -79,14 +77,8 @@ class Picture:
 
 
 def fitted_into(pictures: Sequence[Picture], budget: int) -> list[str]:
-    """The data addresses of pictures as WebP, as large and as good as a number of bytes allows.
-
-    Args:
-        budget: bytes of all data addresses together.
-
-    Raises:
-        ConfigError: there are too many pictures even for the smallest size.
-    """
+    """The data addresses of pictures as WebP, as large and as good as a budget of bytes for all of
+    them allows. Raises ConfigError where there are too many even for the smallest size."""
     for side, quality in LADDER:
         sources, size = [], 0
         for picture in pictures:
@@ -122,10 +114,8 @@ def to_rgb8(picture: Shown) -> UInt8[np.ndarray, "H W 3"]:
 def over_checkerboard(
     rgb: Float[np.ndarray, "H W 3"], alpha: Float[np.ndarray, "H W 1"], size: int = 8
 ) -> Float[np.ndarray, "H W 3"]:
-    """A layer (colours already weighted by alpha) over pale squares of `size` pixels.
-
-    Black and white things can both be told from nothing at all.
-    """
+    """A layer (colours already weighted by alpha) over pale squares of `size` pixels: black and
+    white things can both be told from nothing at all."""
     rows, columns = np.indices(alpha.shape[:2]) // size
     squares = np.where((rows + columns) % 2 == 0, 0.92, 0.8)[..., None]
     return (rgb + (1 - alpha) * squares).astype(rgb.dtype)
@@ -133,12 +123,8 @@ def over_checkerboard(
 
 @contextmanager
 def chart(name: str, size: tuple[float, float]) -> Iterator[Any]:
-    """Axes to draw on, and, before it is left, to save by `svg_of`.
-
-    Args:
-        name: keeps apart what charts of one page refer to.
-        size: inches; letters have 10 points.
-    """
+    """Axes to draw on, and, before it is left, to save by `svg_of`. `name` keeps apart what charts
+    of one page refer to; `size` is in inches, letters have 10 points."""
     import matplotlib
     from matplotlib.figure import Figure
 
