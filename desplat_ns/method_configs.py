@@ -67,11 +67,8 @@ def static_optimizers() -> dict:
 
 
 def image_effect_optimizers(background_steps: int = STEPS) -> dict:
-    """B.3, for appearance and background where they are on; the cheaper grades' are ours.
-
-    Args:
-        background_steps: in which the background's rates fall.
-    """
+    """B.3, for appearance and background where they are on; the cheaper grades' are ours. The
+    background's rates fall in `background_steps`."""
     return {
         "camera_responses": _decaying(2e-2, 5e-4),
         "background_coefficients": _decaying(1e-2, 1e-3),

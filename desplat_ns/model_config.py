@@ -86,11 +86,8 @@ class DeSplatModelConfig(SplatfactoModelConfig):
     """Distractor Gaussians."""
 
     def for_run(self, num_views: int) -> DeSplatModelConfig:
-        """A copy for one run, its intervals as the number of training views wants them.
-
-        Raises:
-            ConfigError: a setting lies outside its range.
-        """
+        """A copy for one run, its intervals as the number of training views wants them. Raises
+        ConfigError where a setting lies outside its range."""
         check_ranges(self, "--pipeline.model")
         run, scale = replace(self), self.schedule_scale or 1.0
         densification = max(1, round(self.stop_split_at * scale))
@@ -124,12 +121,8 @@ class DeSplatModelConfig(SplatfactoModelConfig):
         return steps if steps > 0 else UNLIMITED
 
     def most_gaussians(self, pixels: int, device: str | torch.device) -> int:
-        """Static Gaussians beyond which the set does not grow.
-
-        Args:
-            pixels: of all training photos together.
-            device: in whose memory they have to fit.
-        """
+        """Static Gaussians beyond which the set does not grow, by the pixels of all training photos
+        together and the memory of the device."""
         device = torch.device(device)
         if device.type == "cuda":
             memory = torch.cuda.get_device_properties(device).total_memory

@@ -42,14 +42,9 @@ def steps_for_visits(visits: float, num_views: int, at_most: int) -> int:
 def steps_between_refinements(
     num_views: int, densification: int, refinements: int, at_most: int
 ) -> int:
-    """Steps of the run from one refinement of the static set to the next, half a round of the views
-    at least: gradients averaged over fewer views are mostly noise.
-
-    Args:
-        densification: steps of the run until which the set is refined.
-        refinements: wanted number of refinements in that time.
-        at_most: upper bound on the result; 0 for none.
-    """
+    """Steps of the run from one refinement of the static set to the next, for so many refinements
+    in the steps of `densification`, but `at_most` (0: no bound). Half a round of the views at
+    least: gradients averaged over fewer views are mostly noise."""
     every = max(num_views // 2, math.ceil(densification / refinements))
     return min(every, at_most) if at_most > 0 else every
 
@@ -63,12 +58,8 @@ def pause_after_reset(num_views: int, reset_every: int, scale: float) -> int:
 
 def photo_downscale(step: int, num_downscales: int, every: int, warmup: int = 0) -> int:
     """Factor by which photos are reduced at a nominal step: 2^num_downscales, halved every `every`
-    steps.
-
-    Args:
-        warmup: nominal steps in which the static scene trains alone. Photos have at least half of
-            their size from its middle on: in smaller ones occluders do not stand out.
-    """
+    steps. From the middle of the `warmup`, nominal steps in which the static scene trains alone,
+    they have at least half of their size: in smaller ones occluders do not stand out."""
     if step >= num_downscales * every:
         return 1
     if warmup == 0 or num_downscales == 1:
@@ -79,11 +70,8 @@ def photo_downscale(step: int, num_downscales: int, every: int, warmup: int = 0)
 
 def rate_factor(num_views: int, steps: int, full_visits: float) -> float:
     """Factor, 1 to `MOST_RATE_FACTOR`, on the learning rates of a run of `steps` steps that sees
-    photos seldom: rates for many visits leave a short run far from where it is heading.
-
-    Args:
-        full_visits: visits of each photo for which the rates are meant; 0 for a factor of 1.
-    """
+    photos more seldom than the `full_visits` of each for which the rates are meant (0: a factor of
+    1): such rates leave a short run far from where it is heading."""
     full = full_visits * max(num_views, COUNTED_VIEWS)
     return min(MOST_RATE_FACTOR, max(1.0, full / steps))
 
@@ -193,14 +181,8 @@ def plan_budget(
 
 
 def saved_plan(path: Path, state: Mapping[str, Any], budget: float, spent: float) -> BudgetPlan:
-    """The plan in the checkpoint that a run goes on from.
-
-    Args:
-        path, state: the checkpoint's file and contents.
-        budget, spent: seconds, in all and of this process.
-
-    Raises:
-        ConfigError: that run had no budget, or nothing is left of it.
+    """The plan in the checkpoint that a run goes on from; `budget` and `spent` are seconds, in all
+    and of this process. Raises ConfigError where that run had no budget, or nothing is left of it.
     """
     if "budget" not in state:
         raise ConfigError(
@@ -218,10 +200,8 @@ def saved_plan(path: Path, state: Mapping[str, Any], budget: float, spent: float
 
 
 def seconds_of(text: str, option: str = "--budget") -> float:
-    """Seconds of a time such as 10min, 90s, 1h30min; a number alone is seconds.
-
-    Raises ConfigError, naming the `option`, where it is not understood or not above 0.
-    """
+    """Seconds of a time such as 10min, 90s, 1h30min; a number alone is seconds. Raises ConfigError,
+    naming the `option`, where it is not understood or not above 0."""
     number, given = r"(\d+\.?\d*|\.\d+)", "".join(text.split())
     given += "s" * bool(re.fullmatch(number, given))
     match = re.fullmatch(rf"(?:{number}h)?(?:{number}m(?:in)?)?(?:{number}s)?", given)
