@@ -47,11 +47,8 @@ def run_on_capture(command: Any, name: str) -> None:
 
 def split_words(command: Any, name: str, words: Sequence[str]) -> tuple[Any, tuple[str, ...]]:
     """A command's options, and the data parser's words that follow them. `--data CAPTURE`, as
-    ns-train takes it, is the capture as well.
-
-    Raises:
-        ConfigError: an option is not known, and no data parser is named before it.
-    """
+    ns-train takes it, is the capture as well. Raises ConfigError where an option is not known, and
+    no data parser is named before it."""
     words = [word.removeprefix("--data=") for word in words if word != "--data"]
     parsed, rest = tyro.cli(command, prog=name, args=words, return_unknown_args=True)
     if rest and rest[0].startswith("-"):

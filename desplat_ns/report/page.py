@@ -138,13 +138,8 @@ def read_survey(path: Path) -> dict[str, Any] | None:
 def effect_reasons(
     effects: Effects, survey: Mapping[str, Any] | None, num_photos: int, in_the_way: Sequence[str]
 ) -> list[EffectReason]:
-    """Every effect of the trained model with its reason.
-
-    Args:
-        survey: as `read_survey` gives it.
-        num_photos: training photos.
-        in_the_way: names of the training photos that have distractors.
-    """
+    """Every effect of the trained model with its reason. `survey` is what `read_survey` gave,
+    `in_the_way` the names of those of the training photos that have distractors."""
     names = list_names(in_the_way) or "nothing was found in the way"
     found = f"In {len(in_the_way):,} of {num_photos:,} photos: {names}."
     value, why = ("on", found) if effects.distractors else ("off", "As given.")
@@ -162,15 +157,9 @@ def effect_reasons(
 
 
 def html_of(contents: Contents, budget: int = PICTURE_BYTES, scene: str = "") -> str:
-    """The page. Of training photos those that distractors cover most come first.
-
-    Args:
-        budget: bytes of all pictures together.
-        scene: the page of the scene itself, to be framed on top; empty for none.
-
-    Raises:
-        ConfigError: there are too many pictures for it.
-    """
+    """The page, with that of the scene itself on top, if any. Of training photos those that
+    distractors cover most come first. Raises ConfigError where there are too many pictures for the
+    budget: bytes of all together."""
     training = sorted(contents.training, key=lambda photo: -(photo.covered or 0.0))
     photos = [*training, *contents.held_out]
     told = [one.picture for one in contents.notices if one.picture is not None]

@@ -276,12 +276,8 @@ def light_of(model: DeSplatModel, light: str | None) -> str:
 
 def other_lights(model: DeSplatModel, rows: Tensor, view: View) -> list[Light]:
     """Lights of photos that, with the one that is shown, stand for those of all; none where the
-    Gaussians have the same colours in every light.
-
-    Args:
-        rows: which Gaussians [N] of the model are on the page.
-        view: for the background: its mean colour there stands for it.
-    """
+    Gaussians have the same colours in every light. `rows`: which Gaussians [N] of the model are on
+    the page; the background's mean colour in `view` stands for it."""
     effects = model.image_effects
     if effects.appearance is None or not model.names:
         return []

@@ -110,11 +110,7 @@ def reproduce(
     executor: Executor,
     smoke: Smoke | None = None,
 ) -> Path:
-    """Run what a table needs and write it; the folder that holds it.
-
-    Args:
-        data: folder with the data sets.
-        smoke: as `Grid.smoke`.
+    """Run what a table needs of the data sets in a folder, and write it; the folder that holds it.
 
     Raises:
         CaptureError: scenes cannot be read, or none is there.
