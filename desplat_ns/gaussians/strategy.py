@@ -124,10 +124,15 @@ class StaticStrategy(DefaultStrategy):
         info: dict[str, Any],
         packed: bool = False,
     ) -> None:
-        """After an optimizer step (`step` is nominal): add it to the sample, refine if that is
-        complete, reset if due. Optimizers have the names of `params`, which are raw; `state` is
-        what is gathered, and replaced rows follow; `info` is of the rendering, as gsplat's
-        strategies read it."""
+        """After an optimizer step: add it to the sample, refine if that is complete, reset if due.
+
+        Args:
+            params: raw parameters of the set.
+            optimizers: by the same names.
+            step: nominal.
+            state: what is gathered; replaced rows follow.
+            info: of the rendering, as gsplat's strategies read it.
+        """
         if step >= self.refine_stop_iter:
             state[self.SAMPLED] = state.get(self.SAMPLED, 0) + 1
             if self.cull_to_the_end and state[self.SAMPLED] >= self.refine_every:

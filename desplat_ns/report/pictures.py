@@ -93,8 +93,8 @@ def marked(photo: Photo, where: Bool[np.ndarray, "rows columns"]) -> Picture:
 
 
 def held_out_photos(pipeline: DeSplatPipeline, most: int) -> tuple[dict[str, Any], list[Photo]]:
-    """The evaluation that `ns-eval` makes, of all held-out photos, and at most so many of the
-    worst: means hide what a look at them shows. With 0 nothing is evaluated.
+    """The evaluation that `ns-eval` makes, of all held-out photos, and at most so many of them, the
+    worst first: means hide what a look at them shows. With 0 nothing is evaluated.
 
     Raises:
         CaptureError: a photo that cannot be read any more.

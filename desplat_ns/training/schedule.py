@@ -42,9 +42,14 @@ def steps_for_visits(visits: float, num_views: int, at_most: int) -> int:
 def steps_between_refinements(
     num_views: int, densification: int, refinements: int, at_most: int
 ) -> int:
-    """Steps of the run from one refinement of the static set to the next, for so many refinements
-    in the steps of `densification`, but `at_most` (0: no bound). Half a round of the views at
-    least: gradients averaged over fewer views are mostly noise."""
+    """Steps of the run from one refinement of the static set to the next, half a round of the views
+    at least: gradients averaged over fewer views are mostly noise.
+
+    Args:
+        densification: steps of the run until which the set is refined.
+        refinements: wanted number of refinements in that time.
+        at_most: upper bound on the result; 0 for none.
+    """
     every = max(num_views // 2, math.ceil(densification / refinements))
     return min(every, at_most) if at_most > 0 else every
 
@@ -70,8 +75,11 @@ def photo_downscale(step: int, num_downscales: int, every: int, warmup: int = 0)
 
 def rate_factor(num_views: int, steps: int, full_visits: float) -> float:
     """Factor, 1 to `MOST_RATE_FACTOR`, on the learning rates of a run of `steps` steps that sees
-    photos more seldom than the `full_visits` of each for which the rates are meant (0: a factor of
-    1): such rates leave a short run far from where it is heading."""
+    photos seldom: rates for many visits leave a short run far from where it is heading.
+
+    Args:
+        full_visits: visits of each photo for which the rates are meant; 0 for a factor of 1.
+    """
     full = full_visits * max(num_views, COUNTED_VIEWS)
     return min(MOST_RATE_FACTOR, max(1.0, full / steps))
 
