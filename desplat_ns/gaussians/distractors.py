@@ -14,7 +14,7 @@ from torch.optim import Optimizer
 
 from desplat_ns.backend.protocol import View
 from desplat_ns.gaussians.distractor_config import DEPTH, DistractorConfig
-from desplat_ns.rendering.views import view_of
+from desplat_ns.rendering.views import views_of
 from desplat_ns.settings.options import check_ranges
 from desplat_ns.training.optimizers import adam
 
@@ -131,10 +131,7 @@ class DistractorGaussians(nn.Module):
         shape [V]. Raises ConfigError where a setting lies outside its range."""
         super().__init__()
         check_ranges(config, "--pipeline.model.distractors")
-        self.views = [
-            ViewDistractors(fill_view(view_of(cameras[i : i + 1]), config))
-            for i in range(len(cameras))
-        ]
+        self.views = [ViewDistractors(fill_view(view, config)) for view in views_of(cameras)]
 
     def counts(self) -> list[int]:
         """Number of Gaussians of every training view, counted anew."""
