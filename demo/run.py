@@ -19,7 +19,7 @@ from typing import Any
 from console import CONSOLE, DemoError, execute, printing_to, shown
 
 from desplat_ns.errors import DeSplatError
-from desplat_ns.evaluation.pictures import Picture, over_checkerboard
+from desplat_ns.files.pages import Shown, over_checkerboard
 from lab.pictures import write_image
 from lab.sheet import sheet
 from lab.synthetic import Frame, Scene, SceneSpec, write_scene
@@ -108,7 +108,7 @@ def write_page(run: Run) -> None:
     Report(run.config, output=run.output / PAGE).main()
 
 
-def draw_views(run: Run, scene: Scene) -> list[tuple[str, list[Picture]]]:
+def draw_views(run: Run, scene: Scene) -> list[tuple[str, list[Shown]]]:
     """Rows of the sheet: training photos, what the trained model makes of them, the truth."""
     from desplat_ns.runs.files import find_run  # takes seconds: not for `--help`
     from desplat_ns.runs.loading import load_run
@@ -125,7 +125,7 @@ def draw_views(run: Run, scene: Scene) -> list[tuple[str, list[Picture]]]:
     return rows
 
 
-def draw_view(model: Any, camera: Any, photo: Frame, clean: Frame) -> tuple[str, list[Picture]]:
+def draw_view(model: Any, camera: Any, photo: Frame, clean: Frame) -> tuple[str, list[Shown]]:
     """One row: a training photo, its layers, and what they should be."""
     outputs = model.get_outputs_for_camera(camera)
     rendered = {key: value.cpu().numpy() for key, value in outputs.items() if value.ndim == 3}

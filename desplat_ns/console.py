@@ -28,10 +28,8 @@ LISTED_NAMES = 10
 
 def announce(line: str, warning: bool = False) -> None:
     """Print one line on nerfstudio's console; paths stay whole, brackets in them are kept, control
-    characters are shown.
-
-    A console that cannot be written to, such as a log on a full disk, is no reason to stop.
-    """
+    characters are shown. One that cannot be written to, such as a log on a full disk, is no reason
+    to stop."""
     style = "yellow" if warning else None
     with suppress(OSError):
         CONSOLE.print(escape(printable(line)), style=style, soft_wrap=True, highlight=False)

@@ -37,11 +37,9 @@ def printable(text: str) -> str:
 
 
 def print_user_errors_plainly() -> None:
-    """From now on, a `DeSplatError` or Ctrl+C that ends the program prints no traceback.
-
-    The commands are nerfstudio's, so there is no place of ours to catch it. Every other exception
-    goes where it went before.
-    """
+    """From now on, a `DeSplatError` or Ctrl+C that ends the program prints no traceback: commands
+    are nerfstudio's, so there is no place of ours to catch it. Every other exception goes where it
+    went before."""
     before = sys.excepthook
 
     def hook(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:

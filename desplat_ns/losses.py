@@ -9,7 +9,7 @@ import torch.nn.functional as F
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from desplat_ns.backend.ssim import photometric_losses
+from desplat_ns.backend.ssim import compiled_photometric, is_fast, similarities
 from desplat_ns.photo_tourism.camera_response import PRIOR_STD
 from desplat_ns.rendering.layers import composite_alpha
 
@@ -20,50 +20,44 @@ RESPONSE_OBSERVATIONS = 1000
 """Independent errors that a training photo counts for beside the prior of its camera's response."""
 
 
-def photometric_loss(
-    image: Float[Tensor, "H W 3"],
+def photometric_losses(
     photo: Float[Tensor, "H W 3"],
+    owned: Float[Tensor, "H W 1"] | None,
     ssim_weight: float,
-    owned: Float[Tensor, "H W 1"] | None = None,
+    *images: Float[Tensor, "H W 3"],
     leak: float = 0.0,
-) -> Float[Tensor, ""]:
-    """(1 - w) L1 + w D-SSIM of two images in [0, 1]; w is `ssim_weight`.
+) -> tuple[Float[Tensor, ""], ...]:
+    """(1 - w) L1 + w D-SSIM of a photo and each image in [0, 1]; w is `ssim_weight`.
 
-    With `owned` on the pixels that distractors do not own: in L1 a pixel counts by
-    1 - (1 - leak) owned. For D-SSIM, whose windows reach across the border, the photo is blended
-    with the rendering itself, as a constant: there is nothing to see where it is owned.
+    In L1 of the first image a pixel counts by 1 - (1 - leak) owned. For its D-SSIM, whose windows
+    reach across the border, the photo is blended with the image itself, as a constant: there is
+    nothing to see where it is owned.
+
+    Args:
+        owned: by distractors, in the first image; None for nothing. In the second nothing is.
+        leak: weight in L1 of what they own wholly.
+        images: one, or two that are equal in all pixels of which nothing is owned. On a CPU blocks
+            in which they are equal are worked out once, and the second has no gradient there.
 
     Source: L_GS, the photometric term of Eq. 5 and 12; `owned` is ours
     (docs/explain/separation.md).
     """
-    return photometric_losses(photo, owned, ssim_weight, image, leak=leak)[0]
-
-
-def layered_photometric_losses(
-    static: Float[Tensor, "H W 3"],
-    composite: Float[Tensor, "H W 3"],
-    photo: Float[Tensor, "H W 3"],
-    ssim_weight: float,
-    owned: Float[Tensor, "H W 1"],
-    leak: float = 0.0,
-) -> tuple[Float[Tensor, ""], Float[Tensor, ""]]:
-    """`photometric_loss` of the static scene on what distractors do not own, and of the composite.
-
-    Args:
-        composite: equals `static` where nothing is owned. For what it is made of has no gradient
-            there either, most of the second term is the first one's: on a CPU it is taken from it.
-    """
-    own, main = photometric_losses(photo, owned, ssim_weight, static, composite, leak=leak)
-    return own, main
+    if all(is_fast(image, photo) for image in images):
+        return compiled_photometric(photo, owned, leak, ssim_weight, *images)
+    differences, targets = [(image - photo).abs() for image in images], [photo for _ in images]
+    if owned is not None:
+        differences[0] = (1 - (1 - leak) * owned) * differences[0]
+        targets[0] = torch.lerp(photo, images[0].detach(), owned)
+    likeness = similarities(images, targets)
+    pairs = zip(differences, likeness, strict=True)
+    return tuple((1 - ssim_weight) * d.mean() + ssim_weight * (1 - s) for d, s in pairs)
 
 
 def distractor_opacity_loss(
     alpha_d: Float[Tensor, "H W 1"], free: Float[Tensor, "H W 1"] | None = None
 ) -> Float[Tensor, ""]:
-    """Mean opacity of the distractors, in [0, 1]: a price on what they explain.
-
-    Args:
-        free: 1 in pixels where opacity costs nothing, 0 in others.
+    """Mean opacity of the distractors, in [0, 1]: a price on what they explain. `free` is 1 in
+    pixels where opacity costs nothing, 0 in others.
 
     Source: Eq. 5, the term weighted by lambda_d; `free` is ours (docs/explain/separation.md).
     """
@@ -75,10 +69,8 @@ def distractor_opacity_loss(
 def static_transparency_loss(
     alpha_s: Float[Tensor, "H W 1"], where: Float[Tensor, "H W 1"] | None = None
 ) -> Float[Tensor, ""]:
-    """Mean transparency of the static scene, in [0, 1]: it should fill the image by itself.
-
-    Args:
-        where: how much each pixel counts, in [0, 1]; None where all of them do.
+    """Mean transparency of the static scene, in [0, 1]: it should fill the image by itself. A pixel
+    counts by `where`, in [0, 1].
 
     Source: Eq. 5, the term weighted by lambda_s; `where` is ours.
     """
@@ -90,13 +82,9 @@ def static_transparency_loss(
 def mean_shown_opacity(
     opacities: Float[Tensor, "N 1"], visible: Bool[Tensor, " N"]
 ) -> Float[Tensor, ""]:
-    """Mean opacity, in [0, 1], of the Gaussians that a view shows; 0 where it shows none.
-
-    Those that it does not show stay out: Adam would move what few photos see at every step, while
-    the photos speak for it at a few.
-
-    Args:
-        opacities: logits.
+    """Mean opacity, in [0, 1], of the Gaussians that a view shows, from logits; 0 where it shows
+    none. Those that it does not show stay out: Adam would move what few photos see at every step,
+    while the photos speak for it at a few.
 
     Source: the regularizer of Kheradmand et al. 2024 (Sec. 3.4), which is over all Gaussians.
     """

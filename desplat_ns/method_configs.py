@@ -67,11 +67,8 @@ def static_optimizers() -> dict:
 
 
 def image_effect_optimizers(background_steps: int = STEPS) -> dict:
-    """B.3, for appearance and background where they are on; the cheaper grades' are ours.
-
-    Args:
-        background_steps: in which the background's rates fall.
-    """
+    """B.3, for appearance and background where they are on; the cheaper grades' are ours. The
+    background's rates fall in `background_steps`."""
     return {
         "camera_responses": _decaying(2e-2, 5e-4),
         "background_coefficients": _decaying(1e-2, 1e-3),
@@ -120,17 +117,17 @@ def _method(
     description: str,
     model: DeSplatModelConfig,
     steps: int = STEPS,
-    full_rate_visits: float = 0.0,
     visits: float = 0.0,
     background_steps: int = STEPS,
 ) -> MethodSpecification:
+    """A method of `steps` steps, or with `visits` as long as the photos ask for."""
     return MethodSpecification(
         config=DeSplatTrainerConfig(
             method_name=name,
             machine=MachineConfig(device_type="cuda" if torch.cuda.is_available() else "cpu"),
             max_num_iterations=0 if visits > 0 else steps,
             nominal_num_iterations=steps,
-            full_rate_visits=full_rate_visits,
+            full_rate_visits=FULL_RATE_VISITS if visits > 0 else 0.0,
             visits=visits,
             steps_per_save=2000,
             steps_per_eval_batch=0,
@@ -144,30 +141,18 @@ def _method(
     )
 
 
-def _desplat(
-    name: str, description: str, effects: EffectsConfig, visits: float = FULL_RATE_VISITS
-) -> MethodSpecification:
-    """A method that is as long as the photos ask for."""
-    return _method(
-        name,
-        description,
-        desplat_model(effects),
-        full_rate_visits=FULL_RATE_VISITS,
-        visits=visits,
-    )
-
-
-desplat = _desplat(
+desplat = _method(
     "desplat",
     "DeSplat: a clean static scene from photos with things in the way, on GPU or CPU.",
-    EffectsConfig(auto=True),
+    desplat_model(EffectsConfig(auto=True)),
+    visits=FULL_RATE_VISITS,
 )
 
-desplat_quick = _desplat(
+desplat_quick = _method(
     "desplat-quick",
     "DeSplat for a first look: 25 visits of each photo, 1,000 steps for 40; minutes on a laptop.",
-    EffectsConfig(auto=True),
-    QUICK_VISITS,
+    desplat_model(EffectsConfig(auto=True)),
+    visits=QUICK_VISITS,
 )
 
 desplat_paper = _method(
@@ -176,10 +161,11 @@ desplat_paper = _method(
     paper_model(EffectsConfig()),
 )
 
-desplat_phototourism = _desplat(
+desplat_phototourism = _method(
     "desplat-phototourism",
     "DeSplat for tourists' photos: `desplat` with light and sky of each photo's own.",
-    EffectsConfig(appearance="affine", background="image"),
+    desplat_model(EffectsConfig(appearance="affine", background="image")),
+    visits=FULL_RATE_VISITS,
 )
 
 desplat_phototourism_paper = _method(

@@ -37,9 +37,8 @@ from desplat_ns.losses import (
     camera_response_loss,
     distractor_opacity_loss,
     explained_by_background,
-    layered_photometric_losses,
     mean_shown_opacity,
-    photometric_loss,
+    photometric_losses,
     static_transparency_loss,
 )
 from desplat_ns.model_config import DeSplatModelConfig
@@ -292,17 +291,17 @@ class DeSplatModel(SplatfactoModel):
         if mask is not None:
             composite = torch.where(mask, composite, static.detach())
         if self.config.use_bilateral_grid:  # the composite moves the grids everywhere
-            own = photometric_loss(static, photo, weight, owned, leak)
-            main = photometric_loss(composite, photo, weight)
+            (own,) = photometric_losses(photo, owned, weight, static, leak=leak)
+            (main,) = photometric_losses(photo, None, weight, composite)
         else:
-            own, main = layered_photometric_losses(static, composite, photo, weight, owned, leak)
+            own, main = photometric_losses(photo, owned, weight, static, composite, leak=leak)
         return {"main_loss": main, "static_photometric": own}
 
     def _main_loss(self, image: Tensor, photo: Tensor, mask: Tensor | None) -> Tensor:
         """L_GS of an image; what is masked is black in it and in the photo."""
         if mask is not None:
             image, photo = image * mask, photo * mask
-        return photometric_loss(image, photo, self.config.ssim_lambda)
+        return photometric_losses(photo, None, self.config.ssim_lambda, image)[0]
 
     def _photographed(self, background: Tensor, view: View, embedding: Tensor) -> Tensor:
         """What a photo shows behind everything, in [0, 1]."""
@@ -393,7 +392,7 @@ class DeSplatModel(SplatfactoModel):
             return {}
         metrics: dict[str, Any] = super().get_metrics_dict(outputs, batch)
         if self.distractors is not None:
-            metrics["distractor_count"] = self.distractors.total
+            metrics["distractor_count"] = sum(self.distractors.counts())
         return metrics
 
     # --- what is drawn -----------------------------------------------------------------------

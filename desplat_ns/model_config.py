@@ -86,11 +86,8 @@ class DeSplatModelConfig(SplatfactoModelConfig):
     """Distractor Gaussians."""
 
     def for_run(self, num_views: int) -> DeSplatModelConfig:
-        """A copy for one run, its intervals as the number of training views wants them.
-
-        Raises:
-            ConfigError: a setting lies outside its range.
-        """
+        """A copy for one run, its intervals as the number of training views wants them. Raises
+        ConfigError where a setting lies outside its range."""
         check_ranges(self, "--pipeline.model")
         run, scale = replace(self), self.schedule_scale or 1.0
         densification = max(1, round(self.stop_split_at * scale))
@@ -99,7 +96,7 @@ class DeSplatModelConfig(SplatfactoModelConfig):
         )
         if self.effects.settled().appearance in ("affine", "sh"):
             run.opacity_prior = 0.0
-        run.distractors = self.distractors.for_views(num_views, self.warmup_length, scale)
+        run.distractors = replace(self.distractors, static_warmup=self.warmup_of(num_views)[0])
         return run
 
     def warmup_of(self, num_views: int) -> tuple[int, int]:
@@ -112,7 +109,7 @@ class DeSplatModelConfig(SplatfactoModelConfig):
     def downscale_factor(self, step: int) -> int:
         """By how much photos are smaller at a nominal step: with a warm-up, small photos are over
         by the middle of it. Call it on what `for_run` gave."""
-        warmup = self.distractors.static_warmup if self.effects.settled().distractors else 0
+        warmup = self.distractors.static_warmup
         usual = photo_downscale(step, self.num_downscales, self.resolution_schedule, warmup)
         return max(self.train_downscale, usual)
 
@@ -124,12 +121,8 @@ class DeSplatModelConfig(SplatfactoModelConfig):
         return steps if steps > 0 else UNLIMITED
 
     def most_gaussians(self, pixels: int, device: str | torch.device) -> int:
-        """Static Gaussians beyond which the set does not grow.
-
-        Args:
-            pixels: of all training photos together.
-            device: in whose memory they have to fit.
-        """
+        """Static Gaussians beyond which the set does not grow, by the pixels of all training photos
+        together and the memory of the device."""
         device = torch.device(device)
         if device.type == "cuda":
             memory = torch.cuda.get_device_properties(device).total_memory

@@ -205,13 +205,9 @@ class DeSplatTrainer(Trainer):
     # --- the loop ----------------------------------------------------------------------------
 
     def train(self) -> None:
-        """Train until `max_num_iterations` steps are done in all, those of the checkpoint included.
-
-        Where none is left it says so and changes nothing.
-
-        Raises:
-            CaptureError: a photo cannot be read any more; what is trained is saved before.
-        """
+        """Train until `max_num_iterations` steps are done in all, those of the checkpoint included;
+        where none is left, say so and change nothing. Raises CaptureError where a photo cannot be
+        read any more; what is trained is saved before."""
         whole = self.config
         total = whole.max_num_iterations if self._plan is None else self._plan.most
         remaining = total - self._steps_done

@@ -12,17 +12,31 @@ LAYERS = ("static", "composite", "distractors", "mask")
 """What may stand in the viewer's `rgb`; the first one at the start."""
 
 
-class LayerControl(nn.Module):
-    """Controls in the viewer's "Custom Elements": which layer, and whose distractors.
-
-    Without a viewer it does nothing. nerfstudio 1.1.5 finds controls that are attributes of the
-    pipeline's modules.
-    """
+class ViewerControl(nn.Module):
+    """Controls in the viewer's "Custom Elements"; without a viewer they do nothing. nerfstudio
+    1.1.5 finds controls that are attributes of the pipeline's modules."""
 
     def __init__(self, names: Sequence[str]) -> None:
-        """`names`: of the training views with distractors; none for no controls."""
+        """`names`: of the training views to choose from; none for no controls."""
         super().__init__()
         self.names = list(names)
+        self._suspended = False
+
+    @contextmanager
+    def suspended(self) -> Iterator[None]:
+        """Within, nothing is chosen: an evaluation must not depend on an open viewer."""
+        before, self._suspended = self._suspended, True
+        try:
+            yield
+        finally:
+            self._suspended = before
+
+
+class LayerControl(ViewerControl):
+    """Which layer, and whose distractors."""
+
+    def __init__(self, names: Sequence[str]) -> None:
+        super().__init__(names)
         if names:
             self.layer: ViewerDropdown[str] = ViewerDropdown(
                 "Layer",
@@ -37,17 +51,6 @@ class LayerControl(nn.Module):
                 self.names,
                 hint="Each training view has distractors of its own; layers show those of this one",
             )
-        self._suspended = False
-
-    @contextmanager
-    def suspended(self) -> Iterator[None]:
-        """Within, the control does nothing: an evaluation during training must score the static
-        scene, whatever was chosen in an open viewer."""
-        before, self._suspended = self._suspended, True
-        try:
-            yield
-        finally:
-            self._suspended = before
 
     def train_idx(self) -> int | None:
         """Training view whose distractors were asked for; None while the static scene is shown."""

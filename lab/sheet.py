@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import UInt8
 from PIL import Image, ImageDraw, ImageFont
 
-from desplat_ns.evaluation.pictures import Picture, to_rgb8
+from desplat_ns.files.pages import Shown, to_rgb8
 
 GAP, BAR = 6, 24
 """Pixels between pictures; height of a line of text."""
@@ -18,7 +18,7 @@ PAPER, INK = (250, 250, 248), (30, 30, 30)
 
 
 def sheet(
-    rows: Sequence[tuple[str, Sequence[Picture]]], titles: Sequence[str], heading: str = ""
+    rows: Sequence[tuple[str, Sequence[Shown]]], titles: Sequence[str], heading: str = ""
 ) -> UInt8[np.ndarray, "H W 3"]:
     """Pictures in a grid: a label above each row, a title above each column, `heading` on top.
 

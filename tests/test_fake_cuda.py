@@ -32,9 +32,8 @@ from desplat_ns.losses import (
     background_opacity_loss,
     distractor_opacity_loss,
     explained_by_background,
-    layered_photometric_losses,
     mean_shown_opacity,
-    photometric_loss,
+    photometric_losses,
     static_transparency_loss,
 )
 from desplat_ns.photo_tourism.appearance import fourier_features
@@ -122,7 +121,7 @@ def test_looking_for_regions_and_what_follows_from_them_stays_on_the_gpu(number,
         photo, static, alpha_d = step.photo, step.static_rgb, cuda(HEIGHT, WIDTH, 1)
         photo, in_region = layer.look(step, photo, static, mask, cuda(N, 1), state)
         owned = distractor_weight(alpha_d, in_region)
-        losses = layered_photometric_losses(static, static, photo, 0.2, owned, 0.03)
+        losses = photometric_losses(photo, owned, 0.2, static, static, leak=0.03)
         losses += (distractor_opacity_loss(alpha_d, in_region),)
         losses += (static_transparency_loss(alpha_d, owned),)
         assert step.usual is not None
@@ -192,7 +191,7 @@ def test_layers_and_losses_stay_on_the_gpu():
         distractor_opacity_loss(alpha_d, owned),
         static_transparency_loss(alpha_s),
         mean_shown_opacity(cuda(N, 1), static.visible),
-        photometric_loss(outputs["rgb"], photo, 0.2, owned),
+        *photometric_losses(photo, owned, 0.2, outputs["rgb"]),
         (outputs["rgb_composite"] - photo).abs().mean(),
         background_opacity_loss(alpha_d, alpha_s, explained_by_background(photo, photo, 0.1)),
     ]

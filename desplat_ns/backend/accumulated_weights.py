@@ -10,8 +10,6 @@ from torch import Tensor
 
 from desplat_ns.backend.protocol import Rasterizer, RenderSettings, Splats, View
 
-GEOMETRY = ("means", "quats", "scales", "opacities")
-
 
 def accumulated_weights(
     rasterizer: Rasterizer,
@@ -30,8 +28,8 @@ def accumulated_weights(
         columns: so many of the image's first ones count; all if None.
     """
     white = torch.ones_like(splats.means).requires_grad_()
-    geometry = {name: getattr(splats, name).detach() for name in GEOMETRY}
-    alone = Splats(**geometry, colors=white)
+    shape = (splats.means, splats.quats, splats.scales, splats.opacities)
+    alone = Splats(*(each.detach() for each in shape), colors=white)
     with torch.enable_grad():
         rendered = rasterizer(alone, view, replace(settings, depth=False, absgrad=False))
         (gradient,) = torch.autograd.grad(rendered.rgb[:, :columns, 0].sum(), white)

@@ -53,13 +53,9 @@ def finite_colors(
 
 
 def check_inputs(splats: Splats, view: View) -> None:
-    """Say which tensor does not fit, or which number of the camera makes no sense.
-
-    Numbers are looked at on a CPU only: elsewhere they would have to be waited for.
-
-    Raises:
-        ValueError: what was found and what is needed.
-    """
+    """Raises ValueError, with what was found and what is needed, where a tensor does not fit or a
+    number of the camera makes no sense. Numbers are looked at on a CPU only: elsewhere they would
+    have to be waited for."""
     n = len(splats.means)
     needed = {"means": (n, 3), "quats": (n, 4), "scales": (n, 3), "opacities": (n,)}
     needed |= {"viewmat": (4, 4), "K": (3, 3)}

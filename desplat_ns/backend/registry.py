@@ -90,11 +90,8 @@ def resolve(name: BackendName, device: str | None = None) -> Rasterizer:
 
 
 def compile_kernels(name: BackendName, device: str) -> float:
-    """Have compiled whatever a backend needs on a device type, or raise as `resolve` does.
-
-    Returns:
-        Seconds that this took; about none where they were there.
-    """
+    """Have compiled whatever a backend needs on a device type; seconds that this took, about none
+    where it was there. Raises as `resolve`."""
     began = time.monotonic()
     if resolve(name, device).name == "numba":
         from desplat_ns.backend.numba_kernels import runtime

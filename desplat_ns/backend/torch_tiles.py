@@ -67,11 +67,8 @@ class TorchRasterizer:
 def _draw(
     projected: ProjectedSplats, features: Float[Tensor, "N F"], view: View, absgrad: Tensor | None
 ) -> Float[Tensor, "H W F"]:
-    """Features summed up in each pixel; see the module.
-
-    Args:
-        absgrad: [1, N, 2]; the backward pass adds the sum over pixels of |d loss / d mean|.
-    """
+    """Features summed up in each pixel; the backward pass adds the sum over pixels of
+    |d loss / d mean| to `absgrad` [1, N, 2]."""
     columns, rows = -(-view.width // TILE), -(-view.height // TILE)
     listed, counts = tile_lists(projected, columns, rows)
     shapes = torch.cat([projected.means2d[0], projected.conics, projected.opacities[:, None]], -1)
@@ -104,7 +101,12 @@ def _blend(
     y, x = torch.meshgrid(centers + corner[1], centers + corner[0], indexing="ij")
     d = entries[:, None, :2] - torch.stack([x, y], dim=-1).reshape(1, -1, 2)
     if sums is not None and d.requires_grad:
-        _add_up_when_differentiated(d, *sums)
+        total, ids = sums
+
+        def add(grad: Tensor) -> None:
+            total.index_add_(0, ids, grad.abs().sum(dim=1))
+
+        d.register_hook(add)
     xx, xy, yy, opacity = entries[:, 2:6, None].unbind(dim=1)
     dx, dy = d.unbind(dim=-1)
     sigma = 0.5 * (xx * dx * dx + yy * dy * dy) + xy * dx * dy
@@ -115,15 +117,6 @@ def _blend(
     before = torch.cat([torch.ones_like(after[:1]), after[:-1]])
     weights = torch.where(after > TRANSMITTANCE_MIN, alpha * before, 0)
     return weights.T @ entries[:, 6:]
-
-
-def _add_up_when_differentiated(
-    d: Float[Tensor, "S P 2"], total: Float[Tensor, "N 2"], ids: Int[Tensor, " S"]
-) -> None:
-    def add(grad: Tensor) -> None:
-        total.index_add_(0, ids, grad.abs().sum(dim=1))
-
-    d.register_hook(add)
 
 
 @torch.no_grad()

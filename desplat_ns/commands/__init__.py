@@ -31,21 +31,15 @@ class OfRun:
 
 
 def run(command: Any, **options: Any) -> None:
-    """Read a command's options, call its `main`, and print a user's mistake without a traceback.
-
-    Args:
-        command: a dataclass with `main`, or a union of such.
-        options: of `tyro.cli`.
-    """
+    """Read the options of a dataclass with `main`, or of a union of such, and call `main`; a user's
+    mistake has no traceback. `options`: of `tyro.cli`."""
     print_user_errors_plainly()
     tyro.cli(command, prog=Path(sys.argv[0]).name, **options).main()
 
 
 def run_on_capture(command: Any, name: str) -> None:
-    """As `run`, for a command whose options a data parser's name and options may follow, as those
-    of ns-train; `main` is given these words. They are not looked at here: data parsers come from
-    nerfstudio, which takes seconds to import.
-    """
+    """As `run`, for a command whose options a data parser's name and options may follow; `main` is
+    given these words. They are not looked at here: nerfstudio takes seconds to import."""
     print_user_errors_plainly()
     options, words = split_words(command, name, sys.argv[1:])
     options.main(words)
@@ -53,11 +47,8 @@ def run_on_capture(command: Any, name: str) -> None:
 
 def split_words(command: Any, name: str, words: Sequence[str]) -> tuple[Any, tuple[str, ...]]:
     """A command's options, and the data parser's words that follow them. `--data CAPTURE`, as
-    ns-train takes it, is the capture as well.
-
-    Raises:
-        ConfigError: an option is not known, and no data parser is named before it.
-    """
+    ns-train takes it, is the capture as well. Raises ConfigError where an option is not known, and
+    no data parser is named before it."""
     words = [word.removeprefix("--data=") for word in words if word != "--data"]
     parsed, rest = tyro.cli(command, prog=name, args=words, return_unknown_args=True)
     if rest and rest[0].startswith("-"):

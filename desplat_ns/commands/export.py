@@ -119,4 +119,3 @@ Command = (
 
 
 main = partial(run, Command, description=__doc__)
-"""Entry point of the command."""

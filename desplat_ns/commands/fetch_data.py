@@ -48,4 +48,3 @@ class Arguments:
 
 
 main = partial(run, Arguments)
-"""Entry point of the command."""

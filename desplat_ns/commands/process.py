@@ -8,4 +8,3 @@ from desplat_ns.commands import run
 from desplat_ns.process.request import Request
 
 main = partial(run, Request, description=__doc__)
-"""Entry point of the command."""

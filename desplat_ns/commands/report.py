@@ -44,4 +44,3 @@ class Report(OfRun):
 
 
 main = partial(run, Report, description=__doc__)
-"""Entry point of the command."""

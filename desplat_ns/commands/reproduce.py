@@ -82,4 +82,3 @@ class Arguments:
 
 
 main = partial(run, Arguments)
-"""Entry point of the command."""

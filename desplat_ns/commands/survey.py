@@ -34,8 +34,8 @@ class Arguments:
     """Replace these two files if they are there."""
 
     def main(self, parser: tuple[str, ...] = ()) -> None:
-        """Check what can be checked at once, then survey by a data parser of this name and options,
-        or the recognised one, print and write. Raises DeSplatError where that cannot be."""
+        """Survey by a data parser of this name and options, or the recognised one, print and write.
+        Raises DeSplatError where that cannot be; at once where that can be told."""
         if not self.data.exists():
             raise CaptureError(f"There is no '{self.data}'. Name the folder of a capture.")
         findings_file, sheet_file = self.output / "survey.json", self.output / "survey.png"
@@ -65,4 +65,3 @@ class Arguments:
 
 
 main = partial(run_on_capture, Arguments, "desplat-survey")
-"""Entry point of the command."""

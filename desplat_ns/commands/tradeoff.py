@@ -64,4 +64,3 @@ class Arguments:
 
 
 main = partial(run_on_capture, Arguments, "desplat-tradeoff")
-"""Entry point of the command."""

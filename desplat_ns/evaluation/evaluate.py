@@ -54,12 +54,8 @@ class Scorer:
 
     @classmethod
     def of(cls, model: DeSplatModel, config: EvaluationConfig) -> Scorer:
-        """The scorer that the options ask for.
-
-        Raises:
-            ConfigError: halves are asked for, but images have no embedding; or steps or rate are
-                out of range.
-        """
+        """The scorer that the options ask for. Raises ConfigError where halves are asked for, but
+        images have no embedding, or where steps or rate are out of range."""
         check_ranges(config, "-")
         has_light = model.effects.image_light
         if config.protocol == "half" and not has_light:
@@ -124,11 +120,7 @@ def evaluate_in_training(
     model: DeSplatModel, images: Sequence[Image], names: Sequence[str], show: Show
 ) -> dict[str, Any]:
     """Means over whole images in the average light, times and counts: numbers alone, as event
-    writers need them.
-
-    Raises:
-        CaptureError: there is no image.
-    """
+    writers need them. Raises CaptureError where there is no image."""
     scored = _score(Scorer(model), images, names, show)
     return summarize(scored, False) | gaussian_counts(model.gauss_params, model.distractors)
 
@@ -202,10 +194,7 @@ def _score(
 
 def summarize(images: Sequence[dict[str, Any]], with_std: bool) -> dict[str, int | float]:
     """Means over images of every figure and time, plus `*_std` (n - 1) of two images or more, and
-    the PSNR of the worst.
-
-    Figures that are not finite are left out: they would not be JSON.
-    """
+    the PSNR of the worst. Figures that are not finite are left out: they would not be JSON."""
     result: dict[str, int | float] = {}
     for key in (key for key, value in images[0].items() if isinstance(value, float)):
         values = [image[key] for image in images if key in image]
@@ -240,17 +229,15 @@ def gaussian_counts(
 def score_masks(
     draw: Callable[[Cameras], dict[str, Tensor]], masks: Sequence[tuple[Cameras, Path]]
 ) -> dict[str, int | float]:
-    """`mask_iou`, `alpha_outside_masks` and `num_masks` over the training views that have masks.
+    """`mask_iou` and `alpha_outside_masks`, means over the training views that have masks, and
+    `num_masks`; empty if there is none. Raises CaptureError where a mask cannot be read.
 
-    Means over views; `alpha_outside_masks` leaves out views that are covered wholly. Photos with
-    lens distortion are left out: training undistorts them, but not their masks. Empty if there is
-    no mask.
+    `alpha_outside_masks` leaves out views that are covered wholly. Photos with lens distortion are
+    left out: training undistorts them, but not their masks.
 
     Args:
         draw: gives `alpha_distractor` and `distractor_mask` [H, W, 1] of a camera; no gradients.
         masks: the camera of each view that has a mask, and the mask's file.
-
-    Raises CaptureError where a mask cannot be read.
     """
     masks = [(camera, path) for camera, path in masks if not is_distorted(camera)]
     if not masks:

@@ -16,7 +16,7 @@ from desplat_ns.backend.accumulated_weights import accumulated_weights
 from desplat_ns.backend.protocol import View
 from desplat_ns.evaluation.config import EvaluationConfig
 from desplat_ns.gaussians.activation import activate_static
-from desplat_ns.losses import photometric_loss
+from desplat_ns.losses import photometric_losses
 from desplat_ns.model import DeSplatModel
 from desplat_ns.photo_tourism.camera_response import fit_response, squared_radius
 from desplat_ns.photo_tourism.image_effects import FEATURES
@@ -74,7 +74,7 @@ def embedding_from_left_half(
         optimizer = torch.optim.Adam([embedding], lr=config.learning_rate)
         for _ in range(config.steps):
             drawn = left_half(draw(embedding)) * weight
-            loss = photometric_loss(drawn, target, model.config.ssim_lambda)
+            (loss,) = photometric_losses(target, None, model.config.ssim_lambda, drawn)
             (embedding.grad,) = torch.autograd.grad(loss, embedding)  # nothing else gets one
             optimizer.step()
     return embedding.detach()

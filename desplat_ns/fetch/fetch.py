@@ -68,9 +68,8 @@ def _fetch_file(address: str, home: Path) -> None:
 
 def unpack(archive: Path, folder: Path) -> None:
     """Unpack a `.zip`, or a `.tar` of any compression, into a folder, beside what is in it: nothing
-    goes elsewhere, and nothing is seen before all of it is there.
-
-    Where all of it lies in one folder of this folder's name, that level is left out.
+    goes elsewhere, and nothing is seen before all of it is there. Where all of it lies in one
+    folder of this folder's name, that level is left out.
 
     Raises:
         CaptureError: it is damaged, it would write elsewhere, the disk is full, or something of it

@@ -1,5 +1,6 @@
 """What the HTML pages share: templates, pictures and charts inside the page, figures in words.
-Pictures are made as small as the page's size asks for.
+Pictures have 8-bit colours, layers over a checkerboard; they are made as small as the page's size
+asks for.
 
 Letters in shapes: H x W pixels.
 """
@@ -13,11 +14,11 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import jinja2
 import numpy as np
-from jaxtyping import UInt8
+from jaxtyping import Bool, Float, UInt8
 from PIL import Image
 
 from desplat_ns.errors import ConfigError
@@ -28,12 +29,18 @@ LADDER = ((1024, 80), (800, 70), (640, 60), (480, 55), (320, 50), (160, 40))
 LARGEST_SIDE = LADDER[0][0]
 """Pixels; no picture on a page is larger."""
 
+Shown: TypeAlias = (
+    UInt8[np.ndarray, "_ _ 3"]
+    | Float[np.ndarray, "_ _ 3"]
+    | Float[np.ndarray, "_ _ 1"]
+    | Bool[np.ndarray, "_ _ 1"]
+)
+"""Colours, or one channel to be shown in grey; floats and booleans run from 0 to 1."""
+
 
 def template(path: Path, **filters: Callable[..., Any]) -> jinja2.Template:
-    """A template that escapes what it is given, and fails where a name is unknown.
-
-    Besides `filters` it has `time`.
-    """
+    """A template that escapes what it is given, and fails where a name is unknown. Besides
+    `filters` it has `time`."""
     environment = jinja2.Environment(
         autoescape=True,
         undefined=jinja2.StrictUndefined,
@@ -70,14 +77,8 @@ class Picture:
 
 
 def fitted_into(pictures: Sequence[Picture], budget: int) -> list[str]:
-    """The data addresses of pictures as WebP, as large and as good as a number of bytes allows.
-
-    Args:
-        budget: bytes of all data addresses together.
-
-    Raises:
-        ConfigError: there are too many pictures even for the smallest size.
-    """
+    """The data addresses of pictures as WebP, as large and as good as a budget of bytes for all of
+    them allows. Raises ConfigError where there are too many even for the smallest size."""
     for side, quality in LADDER:
         sources, size = [], 0
         for picture in pictures:
@@ -100,14 +101,30 @@ def shrunk(pixels: UInt8[np.ndarray, "H W 3"], side: int) -> UInt8[np.ndarray, "
     return np.asarray(image)
 
 
+def to_rgb8(picture: Shown) -> UInt8[np.ndarray, "H W 3"]:
+    """8-bit colours; floats are clipped to [0, 1] and rounded, NaN is black."""
+    values = np.asarray(picture)
+    if values.dtype != np.uint8:
+        scaled = np.nan_to_num(values.astype(np.float64))
+        values = np.round(np.clip(scaled, 0, 1) * 255).astype(np.uint8)
+        values = np.broadcast_to(values, (*values.shape[:2], 3)).copy()
+    return values
+
+
+def over_checkerboard(
+    rgb: Float[np.ndarray, "H W 3"], alpha: Float[np.ndarray, "H W 1"], size: int = 8
+) -> Float[np.ndarray, "H W 3"]:
+    """A layer (colours already weighted by alpha) over pale squares of `size` pixels: black and
+    white things can both be told from nothing at all."""
+    rows, columns = np.indices(alpha.shape[:2]) // size
+    squares = np.where((rows + columns) % 2 == 0, 0.92, 0.8)[..., None]
+    return (rgb + (1 - alpha) * squares).astype(rgb.dtype)
+
+
 @contextmanager
 def chart(name: str, size: tuple[float, float]) -> Iterator[Any]:
-    """Axes to draw on, and, before it is left, to save by `svg_of`.
-
-    Args:
-        name: keeps apart what charts of one page refer to.
-        size: inches; letters have 10 points.
-    """
+    """Axes to draw on, and, before it is left, to save by `svg_of`. `name` keeps apart what charts
+    of one page refer to; `size` is in inches, letters have 10 points."""
     import matplotlib
     from matplotlib.figure import Figure
 

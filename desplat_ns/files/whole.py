@@ -19,14 +19,8 @@ IN_USE = ".in-use"
 
 
 def check_new_file(path: Path, overwrite: bool, option: str = "--output") -> None:
-    """Make sure that a file can be written, before minutes are spent on its content.
-
-    Args:
-        option: by which a user names it.
-
-    Raises:
-        ConfigError: it is there already, is a folder, or lies where nothing can be written.
-    """
+    """Before minutes are spent on its content: raises ConfigError, which names the `option`, where
+    a file is there already, is a folder, or lies where nothing can be written."""
     if path.is_dir():
         raise ConfigError(f"{option} is '{path}', which is a folder. Name a file in it.")
     if path.exists() and not overwrite:
@@ -47,14 +41,8 @@ def check_new_folder(path: Path, overwrite: bool, option: str = "--output") -> N
 
 
 def check_room(folder: Path, needed: int, what: str) -> None:
-    """Make sure that the disk of a folder, which is there, will hold some bytes.
-
-    Args:
-        what: needs them, with a verb: "the runs need".
-
-    Raises:
-        ConfigError: it will not.
-    """
+    """Raises ConfigError where the disk of a folder, which is there, will not hold some bytes.
+    `what` needs them, with a verb: "the runs need"."""
     free = shutil.disk_usage(folder).free
     if needed > free:
         raise ConfigError(
@@ -72,12 +60,11 @@ def write_whole(path: Path, content: bytes) -> None:
 @contextmanager
 def draft_of(path: Path, staging: Path | None = None) -> Iterator[Path]:
     """A place for a file's content; what is there is at `path` when all went well, else gone.
+    Raises OSError where it cannot be put there.
 
     Args:
         staging: the folder to write in, on the same disk, which no other process uses; what a kill
             left there goes first. Without it, a new one beside the file.
-
-    Raises OSError where it cannot be put there.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     if staging is not None:
@@ -120,13 +107,10 @@ def plain_errors(path: Path, option: str = "--output") -> Iterator[None]:
 
 @contextmanager
 def only_process_in(folder: Path) -> Iterator[None]:
-    """Within, no other process works in a folder, which is made; afterwards only what is in it is
-    left. The operating system lets go of the lock however a process ends.
-
-    Raises:
-        ConfigError: another process is at work there, or nothing can be written there.
-    """
-    path, made = folder / IN_USE, not folder.exists()
+    """Within, no other process works in a folder, which is made with those that it is in; of these
+    the ones that are left empty go again. The operating system lets go of the lock however a
+    process ends. Raises ConfigError where another one is at work, or nothing can be written."""
+    path, made = folder / IN_USE, [at for at in (folder, *folder.parents) if not at.exists()]
     lock = FileLock(path, timeout=0)
     try:
         try:
@@ -148,9 +132,9 @@ def only_process_in(folder: Path) -> Iterator[None]:
             with suppress(OSError):
                 path.unlink()  # while it is held: filelock notices that a file is gone
         lock.release()
-        if made:
+        for at in made:  # inner ones first; one that is not empty keeps those around it
             with suppress(OSError):
-                folder.rmdir()  # where it is empty
+                at.rmdir()
 
 
 def _sync(path: Path) -> None:

@@ -30,14 +30,7 @@ def activate_static(params: RawParameters, sh_degree: int | None) -> Splats:
         colors = sigmoid(params["features_dc"])
     else:
         colors = torch.cat([params["features_dc"][:, None], params["features_rest"]], dim=1)
-    return Splats(
-        means=params["means"],
-        quats=params["quats"],
-        scales=_exp(params["scales"]),
-        opacities=sigmoid(params["opacities"]).squeeze(-1),
-        colors=colors,
-        sh_degree=sh_degree,
-    )
+    return _activate(params, colors, sh_degree)
 
 
 def activate_distractors(params: RawParameters) -> Splats:
@@ -49,18 +42,20 @@ def activate_distractors(params: RawParameters) -> Splats:
 
     Source: App. A, "RGB Colour Representation for Distractor Gaussians".
     """
+    return _activate(params, clamp_colors(params["rgbs"]), None)
+
+
+def _activate(params: RawParameters, colors: Tensor, sh_degree: int | None) -> Splats:
+    """What both sets have in common. Scales are finite for whatever is finite, and have no gradient
+    beyond MAX_LOG_SCALE."""
     return Splats(
         means=params["means"],
         quats=params["quats"],
-        scales=_exp(params["scales"]),
+        scales=torch.exp(params["scales"].clamp(max=MAX_LOG_SCALE)),
         opacities=sigmoid(params["opacities"]).squeeze(-1),
-        colors=clamp_colors(params["rgbs"]),
+        colors=colors,
+        sh_degree=sh_degree,
     )
-
-
-def _exp(log_scales: Float[Tensor, "N 3"]) -> Float[Tensor, "N 3"]:
-    """exp, finite for whatever is finite; no gradient beyond MAX_LOG_SCALE."""
-    return torch.exp(log_scales.clamp(max=MAX_LOG_SCALE))
 
 
 def sigmoid(logits: Float[Tensor, "*shape"]) -> Float[Tensor, "*shape"]:

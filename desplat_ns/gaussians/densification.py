@@ -60,11 +60,8 @@ class DistractorDensifier:
     """
 
     def __init__(self, config: DistractorConfig, static: SplatfactoModelConfig, every: int):
-        """Args:
-        config: of the distractors, with the warm-up of this run.
-        static: the thresholds that both sets share, and the warm-up before any refinement.
-        every: nominal steps from one refinement to the next.
-        """
+        """`config` has the warm-up of this run, `static` the thresholds that both sets share and
+        the warm-up before any refinement; `every`: nominal steps between two refinements."""
         self.every = every
         self.start = max(static.warmup_length, config.static_warmup)
         self.by_pixels = config.start == "residual"

@@ -5,7 +5,7 @@ Steps are nominal, of a run of the method's own length, but for `SHAPING_STEPS`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 from desplat_ns.settings.options import ranged
@@ -96,13 +96,9 @@ class DistractorConfig:
         wanted = min(self.static_warmup, round(longer))
         return min(wanted, round(MAX_WARMUP_VISITS * num_views / scale)), wanted
 
-    def for_views(self, num_views: int, unrefined: int, scale: float = 1.0) -> DistractorConfig:
-        """A copy whose warm-up suits the number of training views, as `warmup_of` has it."""
-        return replace(self, static_warmup=self.warmup_of(num_views, unrefined, scale)[0])
-
     def steps_between_refinements(self, num_views: int, scale: float = 1.0) -> int:
         """Nominal steps, of which a step of the run makes 1 / `scale`, from one refinement to the
-        next. Call it on what `for_views` gave."""
+        next. Call it on what `DeSplatModelConfig.for_run` gave."""
         every = self.refine_visits * num_views / scale
         if self.start == "residual":
             every = max(every, (STOP_DENSIFY_AT - self.static_warmup) / MOST_REFINEMENTS)

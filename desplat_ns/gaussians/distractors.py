@@ -14,7 +14,7 @@ from torch.optim import Optimizer
 
 from desplat_ns.backend.protocol import View
 from desplat_ns.gaussians.distractor_config import DEPTH, DistractorConfig
-from desplat_ns.rendering.views import view_of
+from desplat_ns.rendering.views import views_of
 from desplat_ns.settings.options import check_ranges
 from desplat_ns.training.optimizers import adam
 
@@ -31,9 +31,7 @@ class ViewDistractors:
     refinement goes by, in the shapes that gsplat's operations expect."""
 
     def __init__(self, start: Mapping[str, Tensor]):
-        """Args:
-        start: raw parameters by `PARAMETER_NAMES`, N rows each; N changes as training goes on.
-        """
+        """`start`: raw parameters by `PARAMETER_NAMES`, N rows each; N changes in training."""
         self.params = {name: nn.Parameter(value) for name, value in start.items()}
         self.optimizers: dict[str, Optimizer] = {}
         """By name; empty until the view is trained, so that they are where its parameters are."""
@@ -129,29 +127,15 @@ class DistractorGaussians(nn.Module):
     """
 
     def __init__(self, config: DistractorConfig, cameras: Cameras):
-        """Start every view's distractors in front of its camera.
-
-        Args:
-            cameras: the training cameras, shape [V].
-
-        Raises:
-            ConfigError: if a setting lies outside its range.
-        """
+        """Start every view's distractors in front of its camera; the training cameras have the
+        shape [V]. Raises ConfigError where a setting lies outside its range."""
         super().__init__()
         check_ranges(config, "--pipeline.model.distractors")
-        self.views = [
-            ViewDistractors(fill_view(view_of(cameras[i : i + 1]), config))
-            for i in range(len(cameras))
-        ]
+        self.views = [ViewDistractors(fill_view(view, config)) for view in views_of(cameras)]
 
     def counts(self) -> list[int]:
         """Number of Gaussians of every training view, counted anew."""
         return [len(view) for view in self.views]
-
-    @property
-    def total(self) -> int:
-        """Number of Gaussians of all views."""
-        return sum(self.counts())
 
     def _apply(self, fn: Callable[[Tensor], Tensor], *args: Any, **options: Any) -> Any:
         """torch's hook of `to`: parameters move in place."""
@@ -191,14 +175,9 @@ def distractors_at(
     pixels: Float[Tensor, "n 2"],
     rgbs: Float[Tensor, "n 3"],
 ) -> dict[str, Tensor]:
-    """Raw parameters of distractors at `DEPTH` in front of a camera.
-
-    Each is half as wide as the spacing of `config.per_view` that would cover the image.
-
-    Args:
-        pixels: where they are seen, x and y.
-        rgbs: in [0, 1].
-    """
+    """Raw parameters of distractors at `DEPTH` in front of a camera, of colours in [0, 1], seen at
+    `pixels` (x, y). Each is half as wide as the spacing of `config.per_view` that would cover the
+    image."""
     n = len(pixels)
     fx, fy, cx, cy = view.K[0, 0], view.K[1, 1], view.K[0, 2], view.K[1, 2]
     x, y = (pixels[:, 0] - cx) / fx, (pixels[:, 1] - cy) / fy

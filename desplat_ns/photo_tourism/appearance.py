@@ -157,10 +157,8 @@ class AffineAppearance(_Appearance):
         zeroth: Float[Tensor, "N 3"],
         rows: Int[Tensor, " R"] | None = None,
     ) -> tuple[Float[Tensor, "N 3"], Float[Tensor, "N 3"]]:
-        """(beta, gamma) for e_j, z_i and the zeroth SH coefficient.
-
-        Args:
-            rows: of which Gaussians; all others get (0, 1). All if None.
+        """(beta, gamma) for e_j, z_i and the zeroth SH coefficient, of the given rows; all others
+        get (0, 1).
 
         Source: Eq. 6.
         """

@@ -48,10 +48,8 @@ def _nodes(size: int, like: Tensor) -> tuple[Float[Tensor, " nodes"], Float[Tens
 def background_image(
     coefficients: Float[Tensor, "K 3"], view: View, degree: int
 ) -> Float[Tensor, "H W 3"]:
-    """SH + 1/2 along the ray through each pixel's centre, clamped to [0, 1].
-
-    Args:
-        degree: highest that is evaluated; (degree + 1)^2 <= K.
+    """SH + 1/2, up to a degree of (degree + 1)^2 <= K, along the ray through each pixel's centre,
+    clamped to [0, 1].
 
     Source: App. A, c_BG of Eq. 8; the 1/2 is that of the Gaussians' colours. See `NODES`.
     """

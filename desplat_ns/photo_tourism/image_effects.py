@@ -48,15 +48,8 @@ class ImageEffects(nn.Module):
         num_images: int,
         sh_degree: int,
     ):
-        """Build what `effects` asks for.
-
-        Args:
-            num_images: training images.
-            sh_degree: of the static Gaussians.
-
-        Raises:
-            ConfigError: sizes that no model can have.
-        """
+        """Build what `effects` asks for; `sh_degree` is of the static Gaussians. Raises ConfigError
+        for sizes that no model can have."""
         check_ranges(appearance, "--pipeline.model.appearance")
         check_ranges(background, "--pipeline.model.background")
         super().__init__()
@@ -94,12 +87,8 @@ class ImageEffects(nn.Module):
     def apply_appearance(
         self, splats: Splats, features: Float[Tensor, "N Z"], embedding: Float[Tensor, " E"]
     ) -> Splats:
-        """All static Gaussians in the colours of the image that `embedding` describes, for a file;
-        for a picture `appearance.in_view` is quicker.
-
-        Args:
-            features: z_i.
-        """
+        """All static Gaussians, of the features z_i, in the colours of the image that `embedding`
+        describes, for a file; for a picture `appearance.in_view` is quicker."""
         if self.appearance is None:
             return splats
         splats = as_harmonics(splats)
@@ -110,12 +99,8 @@ class ImageEffects(nn.Module):
     def apply_camera_response(
         self, colors: Float[Tensor, "... 3"], view: View, embedding: Float[Tensor, " E"]
     ) -> Float[Tensor, "... 3"]:
-        """Colours of the static scene, one [3] or an image [H, W, 3], as the image's camera shows
-        them.
-
-        Args:
-            colors: >= 0.
-        """
+        """Colours >= 0 of the static scene, one [3] or an image [H, W, 3], as the image's camera
+        shows them."""
         numbers = embedding[:NUMBERS]
         if self.responses is None or not (self.training or numbers.any()):
             return colors
@@ -124,11 +109,8 @@ class ImageEffects(nn.Module):
     def background_of(
         self, embedding: Float[Tensor, " E"], view: View, degree: int
     ) -> Float[Tensor, "H W 3"] | Float[Tensor, " 3"]:
-        """The background of the image that `embedding` describes, seen from `view`; [3] in training
-        if it has one colour.
-
-        Call it where there is one only. `degree` is cut to that of the background.
-        """
+        """The background, where there is one, of the image that `embedding` describes, seen from
+        `view`; [3] in training if it has one colour. `degree` is cut to that of the background."""
         assert self.background is not None
         if isinstance(self.background, Background):
             assert self.embeddings is not None

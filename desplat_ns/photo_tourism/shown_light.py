@@ -11,11 +11,12 @@ from contextlib import contextmanager
 import torch
 from jaxtyping import Float
 from nerfstudio.viewer.viewer_elements import ViewerDropdown
-from torch import Tensor, nn
+from torch import Tensor
 
 from desplat_ns.console import list_names
 from desplat_ns.errors import ConfigError
 from desplat_ns.photo_tourism.image_effects import ImageEffects
+from desplat_ns.viewer import ViewerControl
 
 VARIABLE = "DESPLAT_NS_APPEARANCE"
 """Environment variable: `photo.jpg`, or `photo.jpg:0.7,other.jpg:0.3` for a mix of two. (Commands
@@ -29,13 +30,8 @@ def mixed_light(
     text: str, names: Sequence[str], lights: ImageEffects, given_by: str = VARIABLE
 ) -> Float[Tensor, " E"]:
     """The embedding of a text such as `VARIABLE` holds: of a training image, or a mix of some.
-
-    Args:
-        given_by: what an error calls the place of the text.
-
-    Raises:
-        ConfigError: an image that is not a training image, or shares that make no mix.
-    """
+    Raises ConfigError, which says what the text was `given_by`, of an image that is not a training
+    image, or shares that make no mix."""
     parts: list[tuple[int, float]] = []
     for part in filter(None, text.split(",")):
         name, share = part.strip(), "1"
@@ -59,20 +55,17 @@ def mixed_light(
     return torch.stack([share / total * lights.of(index) for index, share in parts]).sum(dim=0)
 
 
-class ShownLight(nn.Module):
+class ShownLight(ViewerControl):
     """The choice of a light: by the viewer's controls, the environment, or an evaluation."""
 
     def __init__(self, names: Sequence[str]) -> None:
-        """Controls for the training images of these names; none of them without names."""
-        super().__init__()
-        self.names = list(names)
+        super().__init__(names)
         if names:
             hint = "Training image whose light the scene is shown in"
             self.choice: ViewerDropdown[str] = ViewerDropdown(
                 "Appearance", OWN, [OWN, *names], hint=hint
             )
         self._fixed: Tensor | None = None
-        self._suspended = False
 
     @contextmanager
     def fixed(self, embedding: Float[Tensor, " E"]) -> Iterator[None]:
@@ -82,15 +75,6 @@ class ShownLight(nn.Module):
             yield
         finally:
             self._fixed = before
-
-    @contextmanager
-    def suspended(self) -> Iterator[None]:
-        """Within, nothing is chosen: an evaluation must not depend on an open viewer."""
-        before, self._suspended = self._suspended, True
-        try:
-            yield
-        finally:
-            self._suspended = before
 
     def embedding(self, lights: ImageEffects, image: int | None = None) -> Float[Tensor, " E"]:
         """The chosen one; else that of training image `image`; else the average."""

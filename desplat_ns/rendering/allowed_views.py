@@ -23,14 +23,9 @@ to go on from any to all around it."""
 
 
 def neighbours(poses: Float[Tensor, "V 3 4"]) -> list[tuple[int, int]]:
-    """Pairs (i, j), i < j, of cameras of which one is among the other's nearest `NEIGHBOURS`.
-
-    Only those count whose optical axes are less than a right angle apart: between two that look
-    elsewhere nobody looked.
-
-    Args:
-        poses: camera to world.
-    """
+    """Pairs (i, j), i < j, of cameras, given camera to world, of which one is among the other's
+    nearest `NEIGHBOURS`. Only those count whose optical axes are less than a right angle apart:
+    between two that look elsewhere nobody looked."""
     places, axes = poses[:, :, 3].double(), poses[:, :, 2].double()
     apart = torch.cdist(places, places).masked_fill(axes @ axes.T <= 0, torch.inf)
     apart.fill_diagonal_(torch.inf)
@@ -42,11 +37,8 @@ def neighbours(poses: Float[Tensor, "V 3 4"]) -> list[tuple[int, int]]:
 
 
 def allowed_views(cameras: Cameras) -> Iterator[View]:
-    """The views of all cameras, then those half-way between neighbours, with the lens of one.
-
-    Args:
-        cameras: the training cameras, shape [V].
-    """
+    """The views of all training cameras, shape [V], then those half-way between neighbours, with
+    the lens of one."""
     yield from views_of(cameras)
     poses = cameras.camera_to_worlds
     for i, j in neighbours(poses):

@@ -49,13 +49,11 @@ def in_range(image: Float[Tensor, "H W C"]) -> Float[Tensor, "H W C"]:
 def static_outputs(
     static: Rendering, image: Float[Tensor, "H W 3"], background: Float[Tensor, "*background 3"]
 ) -> dict[str, Tensor]:
-    """rgb [H, W, 3] in [0, 1], accumulation [H, W, 1], background, and depth if it was rendered.
+    """rgb [H, W, 3] in [0, 1], accumulation [H, W, 1], background, and depth if it was rendered:
+    where nothing is, depth [H, W, 1] (world units) is that of the farthest pixel, as Splatfacto's.
 
-    Where nothing is, depth [H, W, 1] (world units) is that of the farthest pixel, as Splatfacto's.
-
-    Args:
-        image: the static scene over the background, as the photo shows it; colours beyond 1 are
-            cut here.
+    `image`: the static scene over the background, as the photo shows it; colours beyond 1 are cut
+    here.
     """
     outputs = {
         "rgb": in_range(image),
@@ -75,11 +73,7 @@ def layered_outputs(
 
     rgb_composite, distractors over the static scene; rgb_distractor (weighted by its alpha, on
     black); alpha_distractor; distractor_mask (bool). Without distractors (None) their layer is
-    empty.
-
-    Args:
-        image: as of `static_outputs`.
-        rgb: what that gave.
+    empty. `image` is that of `static_outputs`, and `rgb` what it gave.
     """
     if distractor is None:
         nothing = rgb.new_zeros(()).expand_as(rgb)  # takes no memory

@@ -35,10 +35,8 @@ DOWNLOAD_TIMEOUT = 20.0
 
 
 def psnr(pred: Float[Tensor, "*shape"], truth: Float[Tensor, "*shape"]) -> float:
-    """Peak signal-to-noise ratio of values in [0, 1], dB: -10 log10(mean squared error).
-
-    At most `PSNR_MAX`, which identical images get; NaN where either image holds NaN.
-    """
+    """Peak signal-to-noise ratio of values in [0, 1], dB: -10 log10(mean squared error), at most
+    `PSNR_MAX`, which identical images get; NaN where either image holds NaN."""
     mse = torch.mean((pred.double() - truth.double()) ** 2)
     return float(torch.clamp(-10 * torch.log10(mse), max=PSNR_MAX))
 
@@ -58,20 +56,16 @@ def mask_iou(pred: Bool[Tensor, "*shape"], truth: Bool[Tensor, "*shape"]) -> flo
 def mean_alpha_outside(
     alpha: Float[Tensor, "*shape"], mask: Bool[Tensor, "*shape"]
 ) -> float | None:
-    """Mean opacity where the mask is False, in [0, 1]; None where the mask covers everything.
-
-    What the distractors claim of the static scene: 0 is best.
-    """
+    """Mean opacity where the mask is False, in [0, 1], which distractors claim of the static scene:
+    0 is best; None where the mask covers everything."""
     return None if bool(mask.all()) else float(alpha[~mask].mean())
 
 
 def image_metrics(
     pred: Float[Tensor, "H W 3"], truth: Float[Tensor, "H W 3"], lpips: LazyLpips | None = None
 ) -> dict[str, float]:
-    """`psnr`, `ssim` and, where its weights can be had, `lpips` of an image in [0, 1].
-
-    What is scored is what would be saved: `pred` is clamped to [0, 1] first.
-    """
+    """`psnr`, `ssim` and, where its weights can be had, `lpips` of an image in [0, 1]. What is
+    scored is what would be saved: `pred` is clamped to [0, 1] first."""
     pred = pred.clamp(0.0, 1.0)
     figures = {"psnr": psnr(pred, truth), "ssim": ssim(pred, truth)}
     planes = [image.permute(2, 0, 1)[None] for image in (truth, pred)]

@@ -50,10 +50,7 @@ def stands_clear(
     One does whose centre is nearer than a share of where the scene starts. So does one before that
     start if the camera's plane lies within a standard deviation of its centre: there the
     linearization of EWA has no meaning, and smears what is beside the image over all of it.
-
-    Args:
-        scales: standard deviations.
-        start: `scene_start` of the view.
+    `scales` are standard deviations, `start` is `scene_start` of the view.
     """
     depth = image_points(means, view)[2]
     clear = depth >= share * start

@@ -12,10 +12,8 @@ from desplat_ns.errors import ConfigError
 
 
 def world_to_camera(camera_to_world: Float[Tensor, "3 4"]) -> Float[Tensor, "4 4"]:
-    """Rigid world-to-camera transform in OpenCV axes, of a camera-to-world one in OpenGL axes.
-
-    nerfstudio's cameras look along -z with y up; rasterizers look along +z with y down.
-    """
+    """Rigid world-to-camera transform in OpenCV axes (z forward, y down, as rasterizers have it),
+    of a camera-to-world one in OpenGL axes (-z forward, y up, as nerfstudio)."""
     rotation = torch.cat([camera_to_world[:, :1], -camera_to_world[:, 1:3]], dim=1).T
     translation = -rotation @ camera_to_world[:, 3:]
     last_row = torch.eye(4, dtype=rotation.dtype, device=rotation.device)[3:]
@@ -34,7 +32,6 @@ def view_of(
     camera: Cameras, camera_to_world: Float[Tensor, "3 4"] | None = None, downscale: int = 1
 ) -> View:
     """The view of a single camera (shape [1]), in an image reduced by `downscale` (rounded down).
-
     `camera_to_world` replaces the camera's own pose where a pose optimizer moved it.
 
     Raises:
@@ -73,9 +70,7 @@ def image_points(
     means: Float[Tensor, "N 3"], view: View
 ) -> tuple[Float[Tensor, " N"], Float[Tensor, " N"], Float[Tensor, " N"]]:
     """Where points are seen: x and y as shares of the image's width and height, and their depth.
-
-    Points behind the camera (depth below 0) have places that mean nothing.
-    """
+    Places of points behind the camera (depth below 0) mean nothing."""
     # one row for each coordinate: a third of the time of one for each point
     x, y, z = (view.viewmat[:3, :3] @ means.T + view.viewmat[:3, 3:]).unbind(0)
     u = (x / z * view.K[0, 0] + view.K[0, 2]) / view.width

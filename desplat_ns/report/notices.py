@@ -50,9 +50,7 @@ def notices(
 
     Args:
         steps, planned: done, and of the whole run; None if the clock set its end.
-        photos: that were rendered.
         distractors: their settings; None in a run without them.
-        disputed: places that most photos do not show.
         alone: photos that show parts of the scene alone, and how large a share of what they show.
     """
     return [

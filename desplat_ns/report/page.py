@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
+import json
 import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
-from desplat_ns.console import announce
+from desplat_ns.console import announce, list_names
 from desplat_ns.errors import CaptureError, ConfigError
 from desplat_ns.evaluation.config import in_words
 from desplat_ns.evaluation.evaluate import gaussian_counts
 from desplat_ns.files.pages import fitted_into, template
 from desplat_ns.files.whole import plain_errors, write_whole
-from desplat_ns.report.effects import EffectReason, effect_reasons, read_survey
 from desplat_ns.report.notices import Notice, notices
 from desplat_ns.report.pictures import ERROR_TOP, Photo, held_out_photos, training_photos
 from desplat_ns.report.views import disputed_places, seen_alone
@@ -22,6 +22,7 @@ from desplat_ns.runs.files import SURVEY, RunFiles
 from desplat_ns.runs.loading import LoadedRun, even_subset, load_run
 from desplat_ns.scene.gather import gather as scene_contents
 from desplat_ns.scene.page import html_of as scene_page
+from desplat_ns.settings.effects import Effects
 
 TEMPLATE = Path(__file__).with_name("page.html.jinja")
 
@@ -31,6 +32,29 @@ PICTURE_BYTES = 9_000_000
 SCENE_BYTES = 14_500_000
 """Of the scene: with a report of 10 MB at most, and the quotes in it written out, the page stays
 below 25 MB."""
+
+SURVEYED = {
+    "appearance": "Appearance: a light of each photo's own",
+    "background": "Background: what lies behind everything, as the sky",
+}
+"""What the effects are that a survey decides, in words."""
+
+CONFIDENCE = {
+    "clear": "",
+    "close": " That was a close call: training with another choice may be worth a try.",
+    "none": " It could not be told; this is the safe side.",
+}
+NO_SURVEY = "As given, or the method's default: there is no record of a survey of the photos."
+
+
+class EffectReason(NamedTuple):
+    """One effect of a run."""
+
+    title: str
+    """What the effect is, in words."""
+    value: str
+    """on, off, or the grade."""
+    why: str
 
 
 @dataclass(frozen=True)
@@ -103,16 +127,39 @@ def gather(run: LoadedRun, most_training: int, most_held_out: int) -> Contents:
     )
 
 
+def read_survey(path: Path) -> dict[str, Any] | None:
+    """A survey's findings as they were written; None if there are none that can be read."""
+    try:
+        return json.loads(path.read_text("utf8"))
+    except (OSError, ValueError):
+        return None
+
+
+def effect_reasons(
+    effects: Effects, survey: Mapping[str, Any] | None, num_photos: int, in_the_way: Sequence[str]
+) -> list[EffectReason]:
+    """Every effect of the trained model with its reason. `survey` is what `read_survey` gave,
+    `in_the_way` the names of those of the training photos that have distractors."""
+    names = list_names(in_the_way) or "nothing was found in the way"
+    found = f"In {len(in_the_way):,} of {num_photos:,} photos: {names}."
+    value, why = ("on", found) if effects.distractors else ("off", "As given.")
+    reasons = [EffectReason("Distractors: what is in the way in one photo only", value, why)]
+    for effect, title in SURVEYED.items():
+        grade, why = getattr(effects, effect), NO_SURVEY
+        if survey is not None:
+            finding = survey[effect]
+            why = finding["reason"] + CONFIDENCE[finding["confidence"]]
+            if finding["decision"] != grade:
+                said = f"{finding['decision']}: {finding['reason']}"
+                why = f"As given. The survey of the photos would have said {said}"
+        reasons.append(EffectReason(title, grade, why))
+    return reasons
+
+
 def html_of(contents: Contents, budget: int = PICTURE_BYTES, scene: str = "") -> str:
-    """The page. Of training photos those that distractors cover most come first.
-
-    Args:
-        budget: bytes of all pictures together.
-        scene: the page of the scene itself, to be framed on top; empty for none.
-
-    Raises:
-        ConfigError: there are too many pictures for it.
-    """
+    """The page, with that of the scene itself on top, if any. Of training photos those that
+    distractors cover most come first. Raises ConfigError where there are too many pictures for the
+    budget: bytes of all together."""
     training = sorted(contents.training, key=lambda photo: -(photo.covered or 0.0))
     photos = [*training, *contents.held_out]
     told = [one.picture for one in contents.notices if one.picture is not None]

@@ -16,8 +16,7 @@ from jaxtyping import Bool, UInt8
 from torch import Tensor
 
 from desplat_ns.console import progress_over
-from desplat_ns.evaluation.pictures import over_checkerboard, to_rgb8
-from desplat_ns.files.pages import LARGEST_SIDE, Picture, shrunk
+from desplat_ns.files.pages import LARGEST_SIDE, Picture, over_checkerboard, shrunk, to_rgb8
 from desplat_ns.pipeline import DeSplatPipeline
 from desplat_ns.rendering.views import view_of
 from desplat_ns.report.views import Unlike, unlike_in
@@ -94,11 +93,8 @@ def marked(photo: Photo, where: Bool[np.ndarray, "rows columns"]) -> Picture:
 
 
 def held_out_photos(pipeline: DeSplatPipeline, most: int) -> tuple[dict[str, Any], list[Photo]]:
-    """The evaluation that `ns-eval` makes, of all held-out photos, and the worst of them, which
-    come first: means hide what a look at them shows.
-
-    Args:
-        most: photos; with 0 nothing is evaluated.
+    """The evaluation that `ns-eval` makes, of all held-out photos, and at most so many of them, the
+    worst first: means hide what a look at them shows. With 0 nothing is evaluated.
 
     Raises:
         CaptureError: a photo that cannot be read any more.

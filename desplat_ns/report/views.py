@@ -138,22 +138,17 @@ def unlike_in(
     return Unlike(name, held(view), cells > 0.5)
 
 
-def _seen_and_unlike(
-    means: Float[Tensor, "N 3"], photo: Unlike
-) -> tuple[Bool[Tensor, " N"], Bool[Tensor, " N"], Int[Tensor, " N"]]:
-    """Which places are in the image, which of these it does not show, and their cells. Static
-    Gaussians do not hide one another here: an object in the way hides all behind it."""
-    visible, cell, _ = _places(means, photo.view, *photo.cells.shape)
-    return visible, visible & photo.cells.flatten()[cell], cell
-
-
 @torch.no_grad()
 def disputed_places(means: Float[Tensor, "N 3"], photos: Sequence[Unlike]) -> Disputed | None:
     """The disputed places among static Gaussians, if more than `MAX_DISPUTED` of those that
-    `MIN_VIEWS` photos see are."""
+    `MIN_VIEWS` photos see are. Static Gaussians do not hide one another here: an object in the way
+    hides all behind it."""
     if not photos:
         return None
-    found = [_seen_and_unlike(sampled(means.detach(), MAX_PLACES), photo) for photo in photos]
+    places, found = sampled(means.detach(), MAX_PLACES), []
+    for photo in photos:
+        seen, cell, _ = _places(places, photo.view, *photo.cells.shape)
+        found.append((seen, seen & photo.cells.flatten()[cell], cell))
     visible, unlike, cells = (torch.stack(part) for part in zip(*found, strict=True))
     times_seen = visible.sum(0)
     judged = times_seen >= MIN_VIEWS

@@ -25,11 +25,10 @@ from desplat_ns.console import progress_over, text_of
 from desplat_ns.data.training_views import image_names
 from desplat_ns.datamanager import DeSplatDataManager
 from desplat_ns.errors import CaptureError, ConfigError
-from desplat_ns.evaluation.pictures import to_rgb8
 from desplat_ns.export.export import reach_of, shown_in, static_cloud
 from desplat_ns.export.formats import Y_UP
 from desplat_ns.export.splat_cloud import Similarity, SplatCloud, baked, harmonics_of
-from desplat_ns.files.pages import LARGEST_SIDE, shrunk
+from desplat_ns.files.pages import LARGEST_SIDE, shrunk, to_rgb8
 from desplat_ns.gaussians.activation import activate_distractors
 from desplat_ns.model import DeSplatModel
 from desplat_ns.photo_tourism.appearance import as_harmonics
@@ -277,12 +276,8 @@ def light_of(model: DeSplatModel, light: str | None) -> str:
 
 def other_lights(model: DeSplatModel, rows: Tensor, view: View) -> list[Light]:
     """Lights of photos that, with the one that is shown, stand for those of all; none where the
-    Gaussians have the same colours in every light.
-
-    Args:
-        rows: which Gaussians [N] of the model are on the page.
-        view: for the background: its mean colour there stands for it.
-    """
+    Gaussians have the same colours in every light. `rows`: which Gaussians [N] of the model are on
+    the page; the background's mean colour in `view` stands for it."""
     effects = model.image_effects
     if effects.appearance is None or not model.names:
         return []

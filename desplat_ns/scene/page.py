@@ -53,10 +53,8 @@ def write_scene(
     crop: float | None,
     light: str | None,
 ) -> None:
-    """Write the page of a run's scene, and say what is not on it.
-
-    Arguments as of `desplat-export page`. Raises as `load_run`, `gather` and `html_of`.
-    """
+    """Write the page of a run's scene, and say what is not on it; arguments as of `desplat-export
+    page`. Raises as `load_run`, `gather` and `html_of`."""
     contents = gather(load_run(files), most_training, most_held_out, crop, light)
     text, left_out = html_of(contents, int(megabytes * 1e6))
     content = text.encode()
@@ -68,14 +66,8 @@ def write_scene(
 
 
 def html_of(contents: Contents, most: int) -> tuple[str, list[str]]:
-    """The page, and lines about what is not on it.
-
-    Args:
-        most: bytes of the page.
-
-    Raises:
-        ConfigError: photos or Gaussians do not fit, however few or small.
-    """
+    """The page, of at most so many bytes, and lines about what is not on it. Raises ConfigError
+    where photos or Gaussians do not fit, however few or small."""
     pictures = [Picture(camera.photo) for camera in contents.cameras]
     pictures += [Picture(picture) for _, picture in contents.pictures]
     sources = iter(fitted_into(pictures, int(min(PICTURES_SHARE * most, PICTURES_MOST))))
@@ -150,14 +142,8 @@ def fitted(
     cloud: SplatCloud, most: int, weigh: Callable[[SplatCloud], Float[np.ndarray, " N"]]
 ) -> tuple[bytes, Bool[np.ndarray, " N"], float]:
     """The cloud as SPZ of at most so many bytes; which Gaussians are kept; and the share of the
-    photos that they make up, in [0, 1]: blending weights over their sum.
-
-    Args:
-        weigh: gives what each Gaussian makes up of the photos; called where not all fit.
-
-    Raises:
-        ConfigError: next to none fit.
-    """
+    photos that they make up, in [0, 1]: blending weights, which `weigh` gives where not all fit,
+    over their sum. Raises ConfigError where next to none fit."""
     content = spz_bytes(cloud)
     if len(content) <= most:
         return content, np.ones(len(cloud), bool), 1.0

@@ -68,11 +68,8 @@ class EffectsConfig:
         return self.auto and None in (self.appearance, self.background)
 
     def settled(self) -> Effects:
-        """The effects as they are given, else as they are by default.
-
-        Raises:
-            ConfigError: `auto` is on, and nothing has decided yet.
-        """
+        """The effects as they are given, else as they are by default. Raises ConfigError where
+        `auto` is on, and nothing has decided yet."""
         if self.is_open:
             raise ConfigError(
                 "`--pipeline.model.effects.auto` is on, but no survey has decided on the effects. "

@@ -9,24 +9,14 @@ from desplat_ns.errors import ConfigError
 
 
 def ranged(default: Any, interval: str) -> Any:
-    """A dataclass's field that holds a number.
-
-    Args:
-        interval: what it may be, as "[0, inf)" or "(0, 1]"; see `check_ranges`.
-    """
+    """A dataclass's field that holds a number in an interval such as "[0, inf)" or "(0, 1]"."""
     return field(default=default, metadata={"interval": interval})
 
 
 def check_ranges(config: Any, option: str = "-") -> None:
-    """Make sure that every `ranged` field of a dataclass is a number in its interval; one
-    that is None was not given.
-
-    Args:
-        option: what `config` is called on the command line, "-" for the command itself.
-
-    Raises:
-        ConfigError: names the first that is not.
-    """
+    """Raises ConfigError that names the first `ranged` field of a dataclass that is not in its
+    interval; one that is None was not given. `option`: what `config` is called on the command line,
+    "-" for the command itself."""
     for f in fields(config):
         interval, value = f.metadata.get("interval"), getattr(config, f.name)
         if interval and value is not None and not _lies_in(value, interval):

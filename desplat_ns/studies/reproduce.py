@@ -110,11 +110,7 @@ def reproduce(
     executor: Executor,
     smoke: Smoke | None = None,
 ) -> Path:
-    """Run what a table needs and write it; the folder that holds it.
-
-    Args:
-        data: folder with the data sets.
-        smoke: as `Grid.smoke`.
+    """Run what a table needs of the data sets in a folder, and write it; the folder that holds it.
 
     Raises:
         CaptureError: scenes cannot be read, or none is there.
@@ -171,9 +167,7 @@ def find_contents(
         announce(said, warning=True)
     if smoke is not None:
         found = [smaller(scene, smoke.side) for scene in found]
-    contents = {
-        scene: content_of(outputs_of(scene, "train"), outputs_of(scene, "test")) for scene in found
-    }
+    contents = {scene: content_of(*outputs_of(scene, "train", "test")) for scene in found}
     return contents, [scene.name for scene in missing]
 
 
@@ -193,11 +187,10 @@ def find_scenes(table: Table, data: Path) -> tuple[list[PaperScene], list[PaperS
     return found, missing
 
 
-def outputs_of(scene: PaperScene, split: str) -> Any:
-    """nerfstudio's DataparserOutputs of a split. Raises CaptureError, which names the scene, where
-    it cannot be read, or no photo is in it."""
+def outputs_of(scene: PaperScene, *splits: str) -> list[Any]:
+    """As `splits_of`; its CaptureError names the scene."""
     try:
-        return splits_of("desplat-paper", scene.place, scene.parser, split)[0]
+        return splits_of("desplat-paper", scene.place, scene.parser, *splits)
     except CaptureError as error:
         raise CaptureError(
             f"{scene.data_set.name}, {scene.name}: {error} Where the data set is not whole, move "
@@ -207,7 +200,7 @@ def outputs_of(scene: PaperScene, split: str) -> Any:
 
 def smaller(scene: PaperScene, side: int) -> PaperScene:
     """The same with photos of at most `side` pixels a side. Raises CaptureError as `outputs_of`."""
-    cameras = outputs_of(replace(scene, downscale=1), "train").cameras
+    cameras = outputs_of(replace(scene, downscale=1), "train")[0].cameras
     longest = int(max(cameras.width.max(), cameras.height.max()))
     return replace(scene, downscale=2 ** max(0, math.ceil(math.log2(longest / side))))
 

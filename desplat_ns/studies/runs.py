@@ -149,8 +149,7 @@ class Executor:
 
         Args:
             runs: the next is asked for when there is a place for it.
-            records: those that there are; new ones are added.
-            file: of the records.
+            records: those in `file`; new ones are added.
             folder: of what is trained.
             left: what to say after each run of what is left, in words.
 

@@ -137,12 +137,8 @@ def tradeoff(
     data: Path, parser: tuple[str, ...], output: Path, seconds: float, executor: Executor
 ) -> Path:
     """Do a study as far as its time goes, earlier sessions included, and write its page; where that
-    is.
-
-    Raises:
-        DeSplatError: the capture or the folder will not do, the first run failed, or another
-            process is at work in the folder.
-    """
+    is. Raises DeSplatError where the capture or the folder will not do, the first run failed, or
+    another process is at work in the folder."""
     from desplat_ns.studies.page import write_page  # which imports this module
 
     with only_process_in(output):
@@ -178,8 +174,7 @@ def compared(base: Effects) -> dict[str, tuple[str, tuple[str, ...]]]:
     """What is compared, by name: in what it differs from the defaults, in words, and its options.
 
     First the base, with the effects that the capture calls for; each other one differs from it in
-    one thing. All are scored on right halves: the left half shows the light where photos have one
-    of their own."""
+    one thing. All are scored on right halves: the left half shows a photo's own light."""
 
     def variant(what: str, effects: Effects = base, **options: str) -> tuple[str, tuple[str, ...]]:
         given = {

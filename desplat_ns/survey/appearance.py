@@ -87,11 +87,8 @@ def local_steps(
 
 def share_by_direction(observations: Observations, steps: Float[np.ndarray, "V P"]) -> float:
     """How much of the large steps the neighbours show, too: about 1 where colours follow the
-    direction from which a place is seen, as gloss does, and 0 where each photo has its own light.
-
-    Least squares of the neighbours' mean steps on a photo's own, in [0, 1]; 0 where no place has
-    neighbours.
-    """
+    direction from which a place is seen, as gloss does, and 0 where each photo has its own light,
+    or no place has neighbours. Least squares of their mean steps on a photo's own, in [0, 1]."""
     product = square = 0.0
     for row, others in enumerate(neighbours(observations, np.isfinite(steps))):
         theirs = np.where(others >= 0, np.take_along_axis(steps, np.maximum(others, 0), axis=0), 0)
@@ -170,12 +167,8 @@ def _decided(
 def neighbours(
     observations: Observations, has_point: Bool[np.ndarray, "V P"]
 ) -> Iterator[Int[np.ndarray, "_ P"]]:
-    """For each photo at most `NEIGHBOURS` that found each point, from the directions nearest to
-    its own; -1 where there are not so many.
-
-    Args:
-        has_point: which photos found which points.
-    """
+    """For each photo at most `NEIGHBOURS` that found each point (`has_point`), from the directions
+    nearest to its own; -1 where there are not so many."""
     positions = np.array([view.position for view in observations.views])
     toward = observations.xyz[None] - positions[:, None]
     distance = np.maximum(np.linalg.norm(toward, axis=-1), 1e-12)
@@ -205,10 +198,8 @@ def are_alike(
 
 
 def confirmed(observations: Observations, light: PhotoLight) -> Bool[np.ndarray, "V P"]:
-    """Where a photo and one of its neighbours show the same of a point, in colour or in structure.
-
-    False where fewer than `FEWEST_NEIGHBOURS` found the point.
-    """
+    """Where a photo and one of its neighbours show the same of a point, in colour or in structure;
+    False where fewer than `FEWEST_NEIGHBOURS` found it."""
     neutral, patches = np.zeros_like(observations.colors), observations.structures
     for row, view in enumerate(observations.views):
         rho2 = np.nan_to_num(from_middle(view.size, observations.places[row]))
@@ -225,11 +216,8 @@ def confirmed(observations: Observations, light: PhotoLight) -> Bool[np.ndarray,
 
 
 def matched_points(observations: Observations) -> Bool[np.ndarray, "V P"]:
-    """Which photos show a point as their neighbours do, for captures without tracks.
-
-    At least `FEWEST_NEIGHBOURS` of the nearest photos that have it in view must agree: one may have
-    something before it, or look at its back.
-    """
+    """Which photos show a point as at least `FEWEST_NEIGHBOURS` of the nearest do that have it in
+    view, for captures without tracks: one may have something before it, or look at its back."""
     shown, patches = observations.is_shown, observations.structures
     matched = np.zeros_like(shown)
     for row, others in enumerate(neighbours(observations, shown)):

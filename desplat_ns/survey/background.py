@@ -190,11 +190,8 @@ def _medians(values: np.ndarray, number: np.ndarray) -> np.ndarray:
 def background_finding(
     observations: Observations, light: PhotoLight, skies: dict[int, Sky], light_is_local: bool
 ) -> Finding:
-    """Decide what lies behind the scene.
-
-    Args:
-        light_is_local: whether light changes place by place, see `CHROMA_BY_PHOTO`.
-    """
+    """Decide what lies behind the scene; where light changes place by place, by
+    `CHROMA_BY_PHOTO`."""
     shares = [sky.cells.mean() for sky in skies.values()]
     share = Figure(
         "empty",

@@ -62,11 +62,7 @@ class PhotoLight:
     def neutral(
         self, row: int, colors: Float[np.ndarray, "*N 3"], rho2: Float[np.ndarray, "*N"]
     ) -> Float[np.ndarray, "*N 3"]:
-        """Colours of one photo as the mean light would show them.
-
-        Args:
-            rho2: rho^2 at which they were seen.
-        """
+        """Colours of one photo, seen at rho^2, as the mean light would show them."""
         logs = np.log(np.maximum(colors, LOWEST)) - self.gains[row]
         darker = (self.vignetting[row] + self.lens * rho2) * rho2
         logs = (logs - darker[..., None]) / self.gammas[row]
@@ -82,10 +78,8 @@ def from_middle(
 
 
 def fit_light(observations: Observations) -> PhotoLight:
-    """Fit every photo's light; what few photos show otherwise (passers-by, glints) hardly counts.
-
-    Reweighted least squares with Cauchy's weights, colours and lights in turn.
-    """
+    """Every photo's light by reweighted least squares with Cauchy's weights, colours and lights in
+    turn: what few photos show otherwise (passers-by, glints) hardly counts."""
     clipped = (observations.colors < DARKEST) | (observations.colors > 1 - DARKEST)
     use = observations.is_tracked & ~clipped.any(axis=-1)
     use &= use.sum(axis=0) >= 2
@@ -177,10 +171,8 @@ def _joint_gains(
 def _solve(
     true: np.ndarray, middle: float, rho2: np.ndarray, logs: np.ndarray, weight: np.ndarray
 ) -> np.ndarray:
-    """One photo's gains [3], gamma and vignetting; `PRIOR` holds at the brightness `middle`.
-
-    The unknowns are the light's change at that brightness, gamma - 1 and vignetting.
-    """
+    """One photo's gains [3], gamma and vignetting. The unknowns are the light's change at the
+    brightness `middle`, where `PRIOR` holds, gamma - 1 and vignetting."""
     rows = np.zeros((len(true), 3, 5))
     rows[:, np.arange(3), np.arange(3)] = 1
     rows[:, :, 3] = true - middle

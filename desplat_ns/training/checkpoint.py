@@ -45,10 +45,8 @@ def checkpoints_in(folder: Path) -> list[Path]:
 
 
 def save_atomically(state: dict[str, Any], path: Path) -> None:
-    """Write `state` to `path`, so that `path` is at any moment the old file, the new one or absent.
-
-    Raises CheckpointError where it cannot be written; nothing saved before is touched then.
-    """
+    """Write `state` to `path`, which is at any moment the old file, the new one or absent. Raises
+    CheckpointError where it cannot be written; nothing saved before is touched then."""
     staging = path.parent.resolve().parent / STAGING_FOLDER
     try:
         with draft_of(path, staging) as draft, draft.open("wb") as file:
@@ -90,34 +88,22 @@ def refuse_to_replace(checkpoints: Path, goes_on_from: Path | None) -> None:
 
 @contextmanager
 def run_folder(folder: Path) -> Iterator[None]:
-    """Within, no other process works in a folder, which is made with those that it is in. Of these
-    the ones that are left empty are removed again; nothing else ever is.
-
-    Raises:
-        ConfigError: as `only_process_in`.
-        SystemExit: in place of KeyboardInterrupt, after which nerfstudio's commands end with 0.
-    """
-    made = [path for path in (folder, *folder.parents) if not path.exists()]
+    """As `only_process_in`, with SystemExit in place of KeyboardInterrupt, after which nerfstudio's
+    commands end with 0."""
     try:
         with only_process_in(folder):
             yield
     except KeyboardInterrupt:
         announce("Ended by Ctrl+C before the first step.", warning=True)
         raise SystemExit(130) from None
-    finally:
-        for path in made:  # inner ones first; one that is not empty keeps those around it
-            with suppress(OSError):
-                path.rmdir()
 
 
 # --- read ----------------------------------------------------------------------------------------
 
 
 def load_checkpoint(path: Path) -> dict[str, Any]:
-    """Read one checkpoint onto the CPU, every byte checked against the file's checksums.
-
-    Raises CheckpointError where it is missing, damaged or not a checkpoint.
-    """
+    """Read one checkpoint onto the CPU, every byte checked against the file's checksums. Raises
+    CheckpointError where it is missing, damaged or not a checkpoint."""
     if not path.is_file():
         raise CheckpointError(f"There is no checkpoint {path}.")
     try:
@@ -142,10 +128,8 @@ def load_checkpoint(path: Path) -> dict[str, Any]:
 
 
 def load_newest(folder: Path, step: int | None = None) -> tuple[Path, dict[str, Any]]:
-    """The newest intact checkpoint of `folder`, or that of a step, and its contents.
-
-    Says so where a newer one is damaged. Raises CheckpointError where none is left.
-    """
+    """The newest intact checkpoint of `folder`, or that of a step, and its contents; says so where
+    a newer one is damaged. Raises CheckpointError where none is left."""
     if step is not None:
         path = checkpoint_path(folder, step)
         return path, load_checkpoint(path)
@@ -159,9 +143,7 @@ def load_newest(folder: Path, step: int | None = None) -> tuple[Path, dict[str, 
 
 def checkpoint_folder(load_dir: Path, relative_model_dir: Path) -> Path:
     """The folder of checkpoints that `--load-dir` means: itself, or that inside a run's folder.
-
-    Raises CheckpointError where there is none.
-    """
+    Raises CheckpointError where there is none."""
     for folder in (load_dir, load_dir / relative_model_dir):
         if checkpoints_in(folder):
             return folder

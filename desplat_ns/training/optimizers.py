@@ -39,12 +39,9 @@ class FusedAdamConfig(AdamOptimizerConfig):
 
 
 def optimizer_options(optimizers: Mapping[str, Any], factor: float = 1.0) -> dict[str, Any]:
-    """A copy of a TrainerConfig's `optimizers`; a group whose rate is 0 is frozen, and has no
-    exponential decay.
-
-    Args:
-        factor: on the rates of `SHORT_RUN_GROUPS`; a rate that decays still ends at `lr_final`.
-    """
+    """A copy of a TrainerConfig's `optimizers`, with a factor on the rates of `SHORT_RUN_GROUPS`; a
+    rate that decays still ends at `lr_final`. A group whose rate is 0 is frozen: it has no
+    exponential decay."""
     copied = dict(optimizers)
     for name, group in optimizers.items():
         optimizer, decay = group["optimizer"], group["scheduler"]
@@ -58,13 +55,11 @@ def optimizer_options(optimizers: Mapping[str, Any], factor: float = 1.0) -> dic
 
 
 def follow(optimizers: Optimizers, schedule: Schedule, early: Callable[[int], float]) -> None:
-    """Let all rates go by the nominal steps of a schedule from now on.
+    """Let all rates go by the nominal steps of a schedule from now on, those of `SHORT_RUN_GROUPS`
+    with the factor `early` at a step of the run.
 
     Rates are Python floats then: numpy scalars, which nerfstudio 1.1.5 returns, end up in the
     checkpoint, and torch >= 2.6 refuses to load it.
-
-    Args:
-        early: factor on the rates of `SHORT_RUN_GROUPS` at a step of the run.
     """
 
     def read_at(curve: Any, factor: Callable[[int], float]) -> Callable[[int], float]:
@@ -92,11 +87,9 @@ def set_position(scheduler: LambdaLR, steps_done: int) -> None:
 
 
 def load_moments(optimizers: Optimizers, saved: Mapping[str, Any]) -> None:
-    """Bring back the optimizers' moments from a checkpoint.
-
-    Rates, epsilons and the like stay those of this run's options. The parameters must have their
-    saved shapes already: the pipeline is loaded first, and refuses another run's groups.
-    """
+    """Bring back the optimizers' moments from a checkpoint; rates, epsilons and the like stay those
+    of this run's options. The parameters must have their saved shapes already: the pipeline is
+    loaded first, and refuses another run's groups."""
     for name, optimizer in optimizers.optimizers.items():
         own = [{k: v for k, v in g.items() if k != "params"} for g in optimizer.param_groups]
         optimizer.load_state_dict(saved[name])

@@ -63,12 +63,8 @@ def pause_after_reset(num_views: int, reset_every: int, scale: float) -> int:
 
 def photo_downscale(step: int, num_downscales: int, every: int, warmup: int = 0) -> int:
     """Factor by which photos are reduced at a nominal step: 2^num_downscales, halved every `every`
-    steps.
-
-    Args:
-        warmup: nominal steps in which the static scene trains alone. Photos have at least half of
-            their size from its middle on: in smaller ones occluders do not stand out.
-    """
+    steps. From the middle of the `warmup`, nominal steps in which the static scene trains alone,
+    they have at least half of their size: in smaller ones occluders do not stand out."""
     if step >= num_downscales * every:
         return 1
     if warmup == 0 or num_downscales == 1:
@@ -193,14 +189,8 @@ def plan_budget(
 
 
 def saved_plan(path: Path, state: Mapping[str, Any], budget: float, spent: float) -> BudgetPlan:
-    """The plan in the checkpoint that a run goes on from.
-
-    Args:
-        path, state: the checkpoint's file and contents.
-        budget, spent: seconds, in all and of this process.
-
-    Raises:
-        ConfigError: that run had no budget, or nothing is left of it.
+    """The plan in the checkpoint that a run goes on from; `budget` and `spent` are seconds, in all
+    and of this process. Raises ConfigError where that run had no budget, or nothing is left of it.
     """
     if "budget" not in state:
         raise ConfigError(
@@ -218,10 +208,8 @@ def saved_plan(path: Path, state: Mapping[str, Any], budget: float, spent: float
 
 
 def seconds_of(text: str, option: str = "--budget") -> float:
-    """Seconds of a time such as 10min, 90s, 1h30min; a number alone is seconds.
-
-    Raises ConfigError, naming the `option`, where it is not understood or not above 0.
-    """
+    """Seconds of a time such as 10min, 90s, 1h30min; a number alone is seconds. Raises ConfigError,
+    naming the `option`, where it is not understood or not above 0."""
     number, given = r"(\d+\.?\d*|\.\d+)", "".join(text.split())
     given += "s" * bool(re.fullmatch(number, given))
     match = re.fullmatch(rf"(?:{number}h)?(?:{number}m(?:in)?)?(?:{number}s)?", given)

@@ -20,7 +20,7 @@ from torch import Tensor
 from desplat_ns.data.gt_masks import METADATA_KEY, read_gt_mask
 from desplat_ns.data.robustnerf import kind_of
 from desplat_ns.errors import CaptureError
-from desplat_ns.losses import photometric_loss
+from desplat_ns.losses import photometric_losses
 from desplat_ns.method_configs import desplat
 from desplat_ns.model import DeSplatModel
 from desplat_ns.model_config import DeSplatModelConfig
@@ -58,8 +58,8 @@ class TrustedPixelsModel(DeSplatModel):
         if self.training:
             photo = self.photo_of(outputs, batch)
             owned = self._truth(photo) if self.config.by_truth else _trimmed(outputs["rgb"], photo)
-            losses["main_loss"] = photometric_loss(
-                outputs["rgb"], photo, self.config.ssim_lambda, owned.to(photo.dtype)
+            losses["main_loss"], *_ = photometric_losses(
+                photo, owned.to(photo.dtype), self.config.ssim_lambda, outputs["rgb"]
             )
         return losses
 

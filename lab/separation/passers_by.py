@@ -25,7 +25,7 @@ import torch
 from jaxtyping import Bool, Float
 from PIL import Image
 
-from desplat_ns.evaluation.pictures import to_rgb8
+from desplat_ns.files.pages import to_rgb8
 from desplat_ns.rendering.views import world_to_camera
 from desplat_ns.runs.files import find_run
 from desplat_ns.runs.loading import load_run

@@ -15,7 +15,7 @@ from PIL import Image
 from torch import Tensor
 
 from desplat_ns.data.training_views import train_index
-from desplat_ns.evaluation.pictures import Picture, over_checkerboard, to_rgb8
+from desplat_ns.files.pages import Shown, over_checkerboard, to_rgb8
 from desplat_ns.runs.files import find_run
 from desplat_ns.runs.loading import load_run
 from desplat_ns.separation.grid import fine_grid_of, grid_of, pooled
@@ -31,7 +31,7 @@ WHITE = 0.25
 """What is drawn white of residual, excess and unexplained, colours in [0, 1]."""
 
 
-def stages(model: Any, camera: Any, photo: Float[Tensor, "H W 3"]) -> list[Picture]:
+def stages(model: Any, camera: Any, photo: Float[Tensor, "H W 3"]) -> list[Shown]:
     """The pictures of one training view, in the order of `TITLES`; what nobody knows is black.
 
     Args:
@@ -69,7 +69,7 @@ def stages(model: Any, camera: Any, photo: Float[Tensor, "H W 3"]) -> list[Pictu
     ]
 
 
-def _enlarged(cells: Float[Tensor, "rows columns"], width: int, height: int) -> Picture:
+def _enlarged(cells: Float[Tensor, "rows columns"], width: int, height: int) -> Shown:
     """Cells as grey, as large as the photo."""
     grey = np.asarray(to_rgb8((cells / WHITE).clamp(0, 1)[..., None].cpu().numpy()))
     return np.asarray(Image.fromarray(grey).resize((width, height), Image.Resampling.NEAREST))

@@ -128,9 +128,9 @@ def test_the_lock_is_gone_with_a_process_that_was_ended(tmp_path: Path, checkout
     assert not (folder / IN_USE).exists()
 
 
-def test_a_folder_that_was_made_and_stayed_empty_is_gone_and_others_stay(tmp_path: Path):
-    with only_process_in(tmp_path / "new"):
-        assert (tmp_path / "new").is_dir()
+def test_folders_that_were_made_and_stayed_empty_are_gone_and_others_stay(tmp_path: Path):
+    with only_process_in(tmp_path / "around" / "new"):
+        assert (tmp_path / "around" / "new").is_dir()
     (tmp_path / "old").mkdir()
     with only_process_in(tmp_path / "old"):
         pass

@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 
 from desplat_ns.files.pages import Picture
-from desplat_ns.report.effects import EffectReason
 from desplat_ns.report.notices import Notice
-from desplat_ns.report.page import Contents
+from desplat_ns.report.page import Contents, EffectReason
 from desplat_ns.report.pictures import Photo
 
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from desplat_ns.report.effects import effect_reasons, read_survey
+from desplat_ns.report.page import effect_reasons, read_survey
 from desplat_ns.settings.effects import Effects
 
 

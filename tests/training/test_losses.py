@@ -6,9 +6,8 @@ from pytorch_msssim import ssim
 
 from desplat_ns.losses import (
     distractor_opacity_loss,
-    layered_photometric_losses,
     mean_shown_opacity,
-    photometric_loss,
+    photometric_losses,
     static_transparency_loss,
 )
 
@@ -39,7 +38,7 @@ def test_the_static_loss_of_a_photo_without_distractors_is_splatfactos():
     planes = [x.permute(2, 0, 1)[None] for x in (static, photo)]
     expected = 0.8 * (static - photo).abs().mean() + 0.2 * (1 - ssim(*planes, data_range=1.0))
     for owned in (None, torch.zeros(20, 30, 1)):
-        torch.testing.assert_close(photometric_loss(static, photo, 0.2, owned), expected)
+        torch.testing.assert_close(photometric_losses(photo, owned, 0.2, static)[0], expected)
 
 
 @pytest.mark.parametrize("leak", [0.0, 0.1])
@@ -49,15 +48,16 @@ def test_owned_pixels_count_by_the_leak_in_l1_and_not_at_all_for_ssim(leak):
     owned = torch.zeros(30, 40, 1, dtype=torch.float64)
     owned[5:20, 5:20] = 1.0
     owned[:, 35:] = 0.25
-    loss = photometric_loss(static, photo, 0.0, owned, leak)
+    (loss,) = photometric_losses(photo, owned, 0.0, static, leak=leak)
     loss.backward()
     assert static.grad is not None
     counts = 1 - owned * (1 - leak)
     assert torch.allclose(static.grad.abs(), (counts / 3600).expand(-1, -1, 3), rtol=1e-12)
     assert loss.item() == pytest.approx(((static - photo).abs() * counts).mean().item())
     painted = torch.where(owned == 1, torch.tensor(1.0).double(), photo)
-    again = photometric_loss(static, painted, 1.0, owned, leak)
-    assert again.item() == photometric_loss(static, photo, 1.0, owned, leak).item()
+    (again,) = photometric_losses(painted, owned, 1.0, static, leak=leak)
+    (loss,) = photometric_losses(photo, owned, 1.0, static, leak=leak)
+    assert again.item() == loss.item()
 
 
 def occluded(height: int, width: int) -> dict[str, torch.Tensor]:
@@ -82,7 +82,7 @@ def test_two_losses_at_once_are_the_two_by_themselves(size, leak):
         given = {name: image.to(dtype) for name, image in images.items()}
         static, composite = (given[n].requires_grad_() for n in ("static", "composite"))
         photo, owned = given["photo"], given["owned"]
-        pair = layered_photometric_losses(static, composite, photo, 0.2, owned, leak)
+        pair = photometric_losses(photo, owned, 0.2, static, composite, leak=leak)
         losses.append(torch.stack(pair).double())
         slopes.append(torch.autograd.grad(3 * pair[0] + 2 * pair[1], (static, composite)))
     torch.testing.assert_close(losses[0], losses[1], atol=FLAT, rtol=0)

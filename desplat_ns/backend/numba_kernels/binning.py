@@ -146,11 +146,8 @@ def _write_spans(lists, grid, outlines, counter, workers):
 def tile_lists(
     gaussians: tuple[np.ndarray, ...], radii: np.ndarray, grid: Grid, cutoff: float
 ) -> Lists:
-    """Bin the Gaussians with radii > 0, whose depths are positive.
-
-    Args:
-        gaussians: means2d, conics, depths, opacities, colours [N * 3]; flat float32.
-    """
+    """Bin the Gaussians with radii > 0, whose depths are positive. `gaussians`: means2d, conics,
+    depths, opacities, colours [N * 3]; flat float32."""
     _, conics, depths, opacities, _ = gaussians
     seen = (radii > 0) & (opacities >= cutoff) & (conics[::3] > 0) & (conics[2::3] > 0)
     keys = np.flatnonzero(seen)

@@ -17,7 +17,7 @@ from desplat_ns.backend import RenderSettings, resolve
 from desplat_ns.backend.numba_kernels import binning, passes, projection, sh, ssim
 from desplat_ns.backend.numba_kernels import runtime as numba_runtime
 from desplat_ns.backend.numba_kernels.runtime import fma, kernel
-from desplat_ns.losses import layered_photometric_losses
+from desplat_ns.losses import photometric_losses
 from desplat_ns.rendering.layers import over_background
 from tests.backend.scenes import random_scene
 
@@ -45,7 +45,7 @@ def from_cache() -> dict[str, bool]:
         image = over_background(drawn.rgb, drawn.alpha, torch.zeros_like(drawn.rgb))
         owned = (drawn.alpha > 0.5).float()
         photo = image.detach() + 0.1
-        torch.stack(layered_photometric_losses(image, image, photo, 0.2, owned)).sum().backward()
+        torch.stack(photometric_losses(photo, owned, 0.2, image, image)).sum().backward()
     everything = [value for module in KERNELS for value in vars(module).values()]
     kernels = [k for k in everything if isinstance(k, Dispatcher) and k.stats.cache_path]
     return {
