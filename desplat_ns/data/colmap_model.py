@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 USUAL_FOLDERS = (Path("sparse"), Path("colmap/sparse"), Path("sparse/0"), Path("colmap/sparse/0"))
 """Where reconstructions are looked for, in this order, unless the user names another folder."""
 
+POINTS_PLY = "points3D.ply"
+"""Where programs of Gaussian splatting leave a model's points."""
+
 UNEXPECTED = (OSError, LookupError, ValueError, TypeError, AttributeError, ArithmeticError)
 """What contents that are not of the kind expected end in."""
 
@@ -41,10 +44,9 @@ def places_of(colmap_path: Path) -> list[Path]:
 
 
 def _kind_of(folder: Path) -> str:
-    """`bin` or `txt`; empty where a folder holds no model. Points may be a PLY, as programs of
-    Gaussian splatting leave them."""
+    """`bin` or `txt`; empty where a folder holds no model."""
     for kind in ("bin", "txt"):
-        points = any((folder / f"points3D.{end}").is_file() for end in (kind, "ply"))
+        points = any((folder / name).is_file() for name in (f"points3D.{kind}", POINTS_PLY))
         if points and all((folder / f"{part}.{kind}").is_file() for part in ("cameras", "images")):
             return kind
     return ""
@@ -57,7 +59,7 @@ def state_of(folder: Path) -> tuple[tuple[str, int, int, int], ...]:
 
 
 def read_model(folder: Path) -> pycolmap.Reconstruction:
-    """The whole model.
+    """The whole model, without points that stand in `POINTS_PLY`.
 
     Raises:
         CaptureError: damaged or missing files.
@@ -73,7 +75,7 @@ def read_model(folder: Path) -> pycolmap.Reconstruction:
         if not kind or (folder / f"points3D.{kind}").is_file():
             model = pycolmap.Reconstruction(folder)
         else:
-            model = _with_points_of_ply(folder, kind)
+            model = _without_points(folder, kind)
         for number, name in _names_in(folder / "images.txt").items() if kind == "txt" else ():
             model.image(number).name = name
         return model
@@ -85,29 +87,15 @@ def read_model(folder: Path) -> pycolmap.Reconstruction:
         ) from error
 
 
-def _with_points_of_ply(folder: Path, kind: str) -> pycolmap.Reconstruction:
-    """A model whose points stand in points3D.ply; no photo observes them."""
+def _without_points(folder: Path, kind: str) -> pycolmap.Reconstruction:
+    """A model whose points stand elsewhere; no photo observes them."""
     import pycolmap
 
     with TemporaryDirectory() as place:
         for path in folder.glob(f"*.{kind}"):
             shutil.copy(path, place)
         Path(place, f"points3D.{kind}").write_bytes(bytes(8 * (kind == "bin")))  # there are none
-        model = pycolmap.Reconstruction(place)
-    model.import_PLY(folder / "points3D.ply")
-    return model
-
-
-def read_cloud(path: Path) -> pycolmap.Reconstruction:
-    """A model with the points of a PLY file, black where it has no colours, and no photos.
-
-    Raises one of `UNEXPECTED` where it cannot be read.
-    """
-    import pycolmap
-
-    model = pycolmap.Reconstruction()
-    model.import_PLY(path)
-    return model
+        return pycolmap.Reconstruction(place)
 
 
 def _names_in(path: Path) -> dict[int, str]:

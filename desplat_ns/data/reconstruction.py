@@ -14,11 +14,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from jaxtyping import Float, Int, UInt8
+from jaxtyping import Float, Int
 from nerfstudio.cameras.cameras import CameraType
 
 from desplat_ns.console import announce_once
-from desplat_ns.data.colmap_model import find_models, places_of, read_model, state_of
+from desplat_ns.data.colmap_model import (
+    POINTS_PLY,
+    find_models,
+    places_of,
+    read_model,
+    state_of,
+)
+from desplat_ns.data.point_cloud import Points, points_of, read_cloud
 from desplat_ns.errors import CaptureError
 
 if TYPE_CHECKING:
@@ -52,16 +59,6 @@ class Frame:
     """fx, fy, cx, cy in pixels; k1 .. k4, p1, p2 where the model has them."""
     mask: Path | None = None
     """Where the photo may be used, if the reconstruction names a file."""
-
-
-@dataclass(frozen=True)
-class Points:
-    """Triangulated points in the reconstruction's units, ordered by their ids."""
-
-    xyz: Float[np.ndarray, "P 3"]
-    rgb: UInt8[np.ndarray, "P 3"]
-    ids: Int[np.ndarray, " P"]
-    """The reconstruction's own numbers of the points."""
 
 
 @dataclass(frozen=True)
@@ -157,17 +154,10 @@ def _largest(folders: tuple[Path, ...], _states: tuple[Any, ...]) -> Reconstruct
             "name another reconstruction with --colmap-path."
         )
     has_tracks = any(point.track.length() for point in model.points3D.values())
-    return Reconstruction(folder, frames, points_of(model), has_tracks)
-
-
-def points_of(model: pycolmap.Reconstruction) -> Points:
-    """The points of a model."""
-    by_id = dict(sorted(model.points3D.items()))
-    return Points(
-        xyz=np.array([point.xyz for point in by_id.values()], dtype=np.float64).reshape(-1, 3),
-        rgb=np.array([point.color for point in by_id.values()], dtype=np.uint8).reshape(-1, 3),
-        ids=np.array(list(by_id), dtype=np.int64),
-    )
+    cloud = folder / POINTS_PLY
+    is_ply = not model.points3D and cloud.is_file()
+    points = read_cloud(cloud) if is_ply else points_of(model)
+    return Reconstruction(folder, frames, points, has_tracks)
 
 
 def _frame(image: pycolmap.Image, folder: Path) -> Frame:

@@ -62,7 +62,6 @@ def test_settings_reach_gsplat_under_its_names(fake):
         "near_plane": 0.01,
         "far_plane": 1e10,
         "eps2d": 0.3,
-        "sh_degree": 1,
         "packed": False,
         "render_mode": "RGB+ED",
         "absgrad": True,
