@@ -20,13 +20,11 @@ from desplat_ns.errors import CaptureError
 if TYPE_CHECKING:
     import pycolmap
 
-COLORS = (
-    "red green blue",
-    "diffuse_red diffuse_green diffuse_blue",
-    "r g b",
-    "f_dc_0 f_dc_1 f_dc_2",
-)
-"""What programs call the colours in a PLY, in small letters; the last are 3DGS's zeroth harmonics."""
+SPLAT = "f_dc_0 f_dc_1 f_dc_2"
+"""3DGS's zeroth harmonics."""
+
+COLORS = ("red green blue", "diffuse_red diffuse_green diffuse_blue", "r g b", SPLAT)
+"""What programs call colours in a PLY, in small letters."""
 
 
 @dataclass(frozen=True)
@@ -74,7 +72,7 @@ def read_cloud(path: Path) -> Points:
     named = [names.split() for names in COLORS if columns.keys() >= {*names.split()}]
     if named:
         colors = np.stack([columns[name] for name in named[0]], axis=1)
-        rgb = _in_8_bits(0.5 + C0 * colors if named[0][0] == "f_dc_0" else colors)
+        rgb = _in_8_bits(0.5 + C0 * colors if named[0] == SPLAT.split() else colors)
     return Points(xyz, rgb, np.arange(1, len(xyz) + 1))
 
 
@@ -130,9 +128,11 @@ def _in_8_bits(colors: Shaped[np.ndarray, "P 3"]) -> UInt8[np.ndarray, "P 3"]:
 def distinct(xyz: Float[np.ndarray, "P 3"]) -> Int[np.ndarray, " D"]:
     """Of points at one place the first one, in ascending order. One place is what eight steps of
     float32 at the scene's size hold: half of the points are nearer to their median than that."""
+    if len(xyz) == 0:
+        return np.zeros(0, np.int64)
     offsets = xyz.astype(np.float64) - np.median(xyz, axis=0)
     step = 8 * np.finfo(np.float32).eps * np.median(np.abs(offsets))
     cells = np.round(offsets / max(step, np.finfo(np.float32).tiny))
     order = np.lexsort(cells.T)  # keeps the order of equal ones
     is_first = np.append(True, (cells[order][1:] != cells[order][:-1]).any(axis=1))
-    return np.sort(order[is_first[: len(order)]])
+    return np.sort(order[is_first])

@@ -78,8 +78,6 @@ class Reconstruction:
     """z is up, as in transforms.json; without it -y is COLMAP's guess."""
     orientation: str | None = None
     """nerfstudio's orientation method that the file asks for."""
-    to_world: Float[np.ndarray, "4 4"] = field(default_factory=lambda: np.eye(4))
-    """From the world of the program before this file, to which exports go back."""
     splits: Mapping[str, Sequence[str]] = field(default_factory=dict)
     """Names of the photos of each split that the file lists."""
 

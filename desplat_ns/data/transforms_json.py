@@ -106,7 +106,6 @@ def read_transforms(path: Path, with_points: bool) -> Reconstruction:
         photos=folder / top,
         is_upright=True,
         orientation=head.get("orientation_override"),
-        to_world=to_world,
         splits=lists,
     )
 
