@@ -5,6 +5,7 @@ from dataclasses import replace
 import pytest
 import torch
 from nerfstudio.cameras.camera_optimizers import CameraOptimizerConfig
+from nerfstudio.models.splatfacto import RGB2SH
 
 from desplat_ns.errors import CaptureError, DeSplatError
 from desplat_ns.gaussians import densification
@@ -161,7 +162,32 @@ def test_an_empty_static_scene_ends_the_run():
 @pytest.mark.parametrize("number", [0, 3])
 def test_too_few_points_are_refused(number):
     with pytest.raises(CaptureError, match="random-init"):
-        make_model(points=torch.rand(number, 3))
+        make_model(points=torch.rand(number, 3).repeat(4, 1))
+
+
+def test_points_several_times_at_one_place_make_the_gaussians_that_they_make_once():
+    points = torch.rand(30, 3)
+    once, often = make_model(points), make_model(points.repeat(4, 1))
+    assert torch.equal(often.means, once.means) and torch.equal(often.scales, once.scales)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("sh_degree", [3, 0])
+def test_a_black_scene_becomes_what_a_grey_one_becomes(sh_degree):
+    """Steps of 0.01 take a zeroth coefficient from black to a grey of 0.3 in 106, and a logit
+    from 1/510 to it in 540; with a gradient of 0 or 1e-10 they never do."""
+    last = []
+    for color in (128, 0):
+        model = make_model(sh_degree=sh_degree, effects=EffectsConfig(distractors=False))
+        unit = torch.full((model.num_points, 3), color / 255)
+        black = RGB2SH(unit) if sh_degree else torch.logit(unit, eps=1 / 510)
+        model.features_dc.data = black
+        trainer = Trainer(model)
+        trainer.photo = trainer.photo * 0.1 + 0.25
+        for step in range(200 if sh_degree else 700):
+            losses = trainer.step(step)["losses"]
+        last.append(losses["main_loss"].item())
+    assert last[1] < 1.2 * last[0]
 
 
 def test_the_figures_of_a_step_have_no_gradient():
