@@ -115,17 +115,6 @@ def training_split(config: DeSplatDataManagerConfig) -> DataparserOutputs:
     return config.settle_dataparser().setup().get_dataparser_outputs("train")
 
 
-def _color_points(capture: DataparserOutputs) -> None:
-    """Give points that have no colours, or all the same one, those of the photos, and say so."""
-    colors = capture.metadata.get("points3D_rgb", torch.zeros(0, 3))
-    if len(colors) > 0 and bool((colors == colors[0]).all()):
-        capture.metadata["points3D_rgb"] = torch.from_numpy(colors_of_photos(capture))
-        announce(
-            f"The {len(colors)} points have no colours, or all the same one, {colors[0].tolist()}: "
-            "they start in those of the photos."
-        )
-
-
 class DeSplatDataManager(FullImageDatamanager[CaptureDataset]):
     """nerfstudio's full-image datamanager, also without CUDA.
 
@@ -150,8 +139,15 @@ class DeSplatDataManager(FullImageDatamanager[CaptureDataset]):
             )
         if self.test_mode != "inference":  # ns-render and ns-viewer may never look at the photos
             dataset.check_photos()
-        if self.test_mode == "val":  # what was trained has learned its colours
-            _color_points(self.train_dataparser_outputs)
+        capture = self.train_dataparser_outputs
+        colors = capture.metadata.get("points3D_rgb", torch.zeros(0, 3))
+        is_training = self.test_mode == "val"  # what was trained has learned its colours
+        if is_training and len(colors) > 0 and bool((colors == colors[0]).all()):
+            capture.metadata["points3D_rgb"] = torch.from_numpy(colors_of_photos(capture))
+            announce(
+                f"The {len(colors)} points have no colours, or all the same one: they start in "
+                "those of the photos."
+            )
         numbers = torch.arange(len(dataset))[:, None]
         dataset.cameras.metadata = {**(dataset.cameras.metadata or {}), "train_idx": numbers}
         dataset.metadata["train_cameras"] = dataset.cameras

@@ -20,11 +20,9 @@ from desplat_ns.errors import CaptureError
 if TYPE_CHECKING:
     import pycolmap
 
-SPLAT = "f_dc_0 f_dc_1 f_dc_2"
-"""3DGS's zeroth harmonics."""
-
-COLORS = ("red green blue", "diffuse_red diffuse_green diffuse_blue", "r g b", SPLAT)
-"""What programs call colours in a PLY, in small letters."""
+RGB, SPLAT = ("red", "green", "blue"), ("f_dc_0", "f_dc_1", "f_dc_2")
+COLORS = (RGB, tuple(f"diffuse_{name}" for name in RGB), ("r", "g", "b"), SPLAT)
+"""What programs call colours in a PLY, in small letters; the last are 3DGS's zeroth harmonics."""
 
 
 @dataclass(frozen=True)
@@ -69,60 +67,57 @@ def read_cloud(path: Path) -> Points:
             "ply_file_path starts from random points."
         ) from error
     rgb = np.zeros(xyz.shape, np.uint8)
-    named = [names.split() for names in COLORS if columns.keys() >= {*names.split()}]
-    if named:
-        colors = np.stack([columns[name] for name in named[0]], axis=1)
-        rgb = _in_8_bits(0.5 + C0 * colors if named[0] == SPLAT.split() else colors)
+    for names in COLORS:
+        if columns.keys() >= {*names}:
+            colors = np.stack([columns[name] for name in names], axis=1)
+            rgb = _in_8_bits((0.5 + C0 * colors).clip(0, 1) if names == SPLAT else colors)
+            break
     return Points(xyz, rgb, np.arange(1, len(xyz) + 1))
 
 
 def _vertices(path: Path) -> dict[str, np.ndarray]:
-    """Columns of the first element that has x, y and z, by their names in small letters; as the
-    file has them, or float64 and int64 from text. Nothing behind it is read.
+    """Columns of the first element that has x, y and z, by their names in small letters. Nothing
+    behind it is read. Raises ValueError, OSError, PlyParseError.
 
     `PlyData.read` of plyfile 1.1.3 would go through faces one by one, and through vertices where
-    they are text, and it refuses comments that are not ASCII. Raises ValueError, OSError,
-    PlyParseError.
+    they are text, and it refuses comments that are not ASCII.
     """
     from plyfile import PlyData, PlyListProperty
 
     with path.open("rb") as stream:
-        header = SimpleNamespace(
-            read=lambda size: stream.read(size).decode("ascii", "backslashreplace")
-        )
-        ply: Any = PlyData._parse_header(header)  # pyright: ignore[reportArgumentType]
+        head = SimpleNamespace(read=lambda n: stream.read(n).decode("ascii", "backslashreplace"))
+        ply: Any = PlyData._parse_header(head)  # pyright: ignore[reportArgumentType]
         rows: Any = io.TextIOWrapper(stream, "latin-1") if ply.text else stream
         for element in ply:
-            kinds = {known.name.lower(): known.val_dtype for known in element.properties}
-            is_wanted = kinds.keys() >= {"x", "y", "z"}
+            names = [known.name for known in element.properties]
+            is_wanted = {"x", "y", "z"} <= {name.lower() for name in names}
             if is_wanted and element.count < 1:
                 raise ValueError("it has no vertices")
             has_lists = any(isinstance(known, PlyListProperty) for known in element.properties)
-            if not (is_wanted and ply.text) or has_lists:
-                element._read(rows, ply.text, ply.byte_order, "c")
-                if is_wanted:
-                    return {known.name.lower(): element[known.name] for known in element.properties}
-            else:
+            if is_wanted and ply.text and not has_lists:
                 table = np.loadtxt(rows, comments=None, max_rows=element.count, ndmin=2)
-                if table.shape != (element.count, len(kinds)):
+                if table.shape != (element.count, len(names)):
                     raise ValueError(f"{table.shape} numbers for {element.count} vertices")
-                return {
-                    name: column if kind[0] == "f" else column.astype(np.int64)
-                    for (name, kind), column in zip(kinds.items(), table.T, strict=True)
-                }
+            else:
+                element._read(rows, ply.text, ply.byte_order, "c")
+                table = element.data
+            if is_wanted:
+                by_name = table.T if table.dtype.names is None else map(table.__getitem__, names)
+                return dict(zip(map(str.lower, names), by_name, strict=True))
     raise ValueError("none of its elements has x, y and z")
 
 
 def _in_8_bits(colors: Shaped[np.ndarray, "P 3"]) -> UInt8[np.ndarray, "P 3"]:
-    """Floats go to 1 (somewhat beyond it in the sun) or to 255; integers to 255, or to 65,535 where
-    one is larger. Negative ones are bytes, or pairs of bytes, of a type with a sign."""
-    if colors.dtype.kind == "f":
-        colors = np.nan_to_num(colors.astype(np.float64))
-        return np.rint(colors * (255 if colors.max() <= 2 else 1)).clip(0, 255).astype(np.uint8)
-    colors = colors.astype(np.int64)
+    """Colours go to 1, fractions of it a few beyond in the sun, to 255, or to 65,535. Negative ones
+    are bytes, or pairs of bytes, of a type with a sign."""
+    colors = np.nan_to_num(colors.astype(np.float64))
     if colors.min() < 0:
         colors %= 256 if colors.min() >= -128 else 65536
-    return (colors // (1 if colors.max() <= 255 else 257)).clip(0, 255).astype(np.uint8)
+    most, has_fractions = colors.max(), (colors % 1).any()
+    full = 255 if most <= 255 else 65535
+    if most <= 1 or (has_fractions and colors.mean() <= 2):
+        full = 1
+    return np.rint(colors * (255 / full)).clip(0, 255).astype(np.uint8)
 
 
 def distinct(xyz: Float[np.ndarray, "P 3"]) -> Int[np.ndarray, " D"]:

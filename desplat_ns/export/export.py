@@ -56,7 +56,7 @@ def export_splats(
 ) -> None:
     """Write the static Gaussians of a run; say how many, how large, and what was left out.
 
-    Arguments as of `desplat-export splats`. Raises as `load_run`, `static_cloud`, `similarity_to`.
+    Arguments as of `desplat-export splats`. Raises as `load_run`, `static_cloud`.
     """
     ending = format_of(output)
     pipeline = load_run(files).pipeline
@@ -73,10 +73,12 @@ def export_splats(
         near, told = placed(cloud)
         cloud, left_out = cloud.rows(near), [told] if told else []
     content, beside = WRITERS[ending](cloud), output.with_name(f"{output.name}.offset.txt")
+    offset = " ".join(map(str, cloud.offset))
     with plain_errors(output):
         write_whole(output, content)
-        if cloud.offset:
-            write_whole(beside, "{} {} {}\n".format(*cloud.offset).encode())
+        beside.unlink(missing_ok=True)
+        if offset:
+            write_whole(beside, f"{offset}\n".encode())
     announce(
         f"Saved {output}: {len(cloud)} Gaussians with harmonics of degree {cloud.degree}, "
         f"{len(content) / 1e6:.2f} MB."
@@ -90,11 +92,11 @@ def export_splats(
             "The run was trained with `rasterize-mode antialiased`, which this format cannot say: "
             "switch antialiasing on in the viewer, or write .spz."
         )
-    if cloud.offset:
+    if offset:
         left_out.append(
-            f"float32 is too coarse for the capture's coordinates. {output} has them without an "
-            f"offset of {beside.read_text().strip()}, which {beside} holds; so does the comment of "
-            "a .ply, and a .glb moves its node by it, which is no use to viewers of float32."
+            f"float32 is too coarse for the capture's coordinates: {output} has them without an "
+            f"offset of {offset}, which stands in {beside}, in the comment of a .ply and as the "
+            "translation of a .glb's node, which viewers that compute in float32 round."
         )
     for what in left_out:
         announce(what, warning=True)

@@ -18,7 +18,7 @@ from desplat_ns.backend.constants import ALPHA_CUTOFF, FAR_PLANE
 from desplat_ns.backend.inputs import is_finite
 from desplat_ns.backend.protocol import Splats
 from desplat_ns.backend.spherical_harmonics import sh_basis
-from desplat_ns.errors import CaptureError, ConfigError
+from desplat_ns.errors import ConfigError
 from desplat_ns.export.formats import Axes, Frame
 from desplat_ns.gaussians.activation import MAX_LOG_SCALE
 from desplat_ns.photo_tourism.appearance import as_harmonics
@@ -40,9 +40,6 @@ nobody sees where along the smallest one a disc lies."""
 
 FAR = 0.01
 """Of the Gaussians, so many may lie too far away for that: more are a part of the scene."""
-
-ORTHOGONAL_TOLERANCE = 1e-4
-"""How far a transform's columns may be from orthonormal: it comes as float32, a product of two."""
 
 
 @dataclass(frozen=True)
@@ -150,21 +147,12 @@ def similarity_to(
         transform: the dataparser's: the capture's coordinates to those of training, before scaling.
         scale: the dataparser's.
         upright_axes: from nerfstudio's axes (z up) to the file's.
-
-    Raises:
-        CaptureError: the transform bends or stretches, so Gaussians cannot follow it.
     """
     if frame == "training":
         return Similarity(np.eye(3), 1.0, np.zeros(3))
     matrix = np.asarray(transform, np.float64)
     stretch = np.cbrt(abs(np.linalg.det(matrix[:, :3])))
     turn = matrix[:, :3] / stretch
-    if not np.allclose(turn @ turn.T, np.eye(3), atol=ORTHOGONAL_TOLERANCE):
-        raise CaptureError(
-            "The capture's own coordinates differ from those of training by more than a turn, a "
-            "shift and a scale (`applied_transform` in its transforms.json?), which Gaussians "
-            "cannot follow. Add `--frame training`."
-        )
     unscaled = 1 / (float(scale) * stretch)
     if frame == "upright":
         return Similarity(np.asarray(upright_axes, np.float64), unscaled, np.zeros(3))
