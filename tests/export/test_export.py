@@ -101,6 +101,7 @@ def test_a_nerfstudio_captures_frame_is_that_of_its_own_points_also_far_out(
     config = NerfstudioDataParserConfig(data=tmp_path, load_3D_points=True)
     parser = TransformsDataParser(config)
     outputs = parser.get_dataparser_outputs("train")
+    assert torch.allclose(outputs.dataparser_transform, parser.oriented.transform.float())
     manager = SimpleNamespace(dataparser=parser, train_dataparser_outputs=outputs)
     model = SimpleNamespace(effects=SimpleNamespace(background="off"))
     run = SimpleNamespace(pipeline=SimpleNamespace(datamanager=manager, model=model))
