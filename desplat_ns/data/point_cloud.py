@@ -108,14 +108,14 @@ def _vertices(path: Path) -> dict[str, np.ndarray]:
 
 
 def _in_8_bits(colors: Shaped[np.ndarray, "P 3"]) -> UInt8[np.ndarray, "P 3"]:
-    """Colours go to 1, fractions of it a few beyond in the sun, to 255, or to 65,535. Negative ones
-    are bytes, or pairs of bytes, of a type with a sign."""
-    colors = np.nan_to_num(colors.astype(np.float64))
-    if colors.min() < 0:
+    """Colours go to 1 (of fractions, a tenth may be beyond), to 255, or to 65,535. Negative whole
+    numbers are bytes, or pairs of bytes, of a type with a sign."""
+    colors = np.nan_to_num(colors.astype(np.float64), posinf=0, neginf=0)
+    has_fractions = (colors % 1).any()
+    if colors.min() < 0 and not has_fractions:
         colors %= 256 if colors.min() >= -128 else 65536
-    most, has_fractions = colors.max(), (colors % 1).any()
-    full = 255 if most <= 255 else 65535
-    if most <= 1 or (has_fractions and colors.mean() <= 2):
+    full = 255 if colors.max() <= 255 else 65535
+    if colors.max() <= 1 or (has_fractions and np.quantile(colors, 0.9, method="lower") <= 2):
         full = 1
     return np.rint(colors * (255 / full)).clip(0, 255).astype(np.uint8)
 

@@ -87,6 +87,13 @@ def test_colours_are_found_by_their_names_and_brought_to_8_bits(tmp_path, kind, 
     np.testing.assert_array_equal(cloud.rgb, rgb)
 
 
+def test_a_few_colours_beyond_1_or_below_0_or_broken_change_no_other(tmp_path: Path):
+    table = columns("float", 1 / 255)
+    table["red"][1][:] = [np.nan, -1e-7, 300.0]
+    cloud = read_cloud(write(tmp_path / "a.ply", table | {"red": table["red"]}))
+    np.testing.assert_array_equal(cloud.rgb[:, 1:], RGB[:, 1:])
+
+
 def test_splats_give_their_zeroth_harmonics(tmp_path: Path):
     """The constant harmonic is 1 / (2 sqrt(pi)), and the colour 1/2 more."""
     names = ["f_dc_0", "f_dc_1", "f_dc_2"]
