@@ -19,9 +19,6 @@ if TYPE_CHECKING:
 USUAL_FOLDERS = (Path("sparse"), Path("colmap/sparse"), Path("sparse/0"), Path("colmap/sparse/0"))
 """Where reconstructions are looked for, in this order, unless the user names another folder."""
 
-POINTS_PLY = "points3D.ply"
-"""Where programs of Gaussian splatting leave a model's points."""
-
 UNEXPECTED = (OSError, LookupError, ValueError, TypeError, AttributeError, ArithmeticError)
 """What contents that are not of the kind expected end in."""
 
@@ -44,9 +41,10 @@ def places_of(colmap_path: Path) -> list[Path]:
 
 
 def _kind_of(folder: Path) -> str:
-    """`bin` or `txt`; empty where a folder holds no model."""
+    """`bin` or `txt`; empty where a folder holds no model. Points may be a PLY, as programs of
+    Gaussian splatting leave them."""
     for kind in ("bin", "txt"):
-        points = any((folder / name).is_file() for name in (f"points3D.{kind}", POINTS_PLY))
+        points = any((folder / f"points3D.{end}").is_file() for end in (kind, "ply"))
         if points and all((folder / f"{part}.{kind}").is_file() for part in ("cameras", "images")):
             return kind
     return ""
@@ -59,7 +57,7 @@ def state_of(folder: Path) -> tuple[tuple[str, int, int, int], ...]:
 
 
 def read_model(folder: Path) -> pycolmap.Reconstruction:
-    """The whole model, without points that stand in `POINTS_PLY`.
+    """The whole model, without points that stand in a PLY.
 
     Raises:
         CaptureError: damaged or missing files.

@@ -18,7 +18,7 @@ from jaxtyping import Float, Int
 from nerfstudio.cameras.cameras import CameraType
 
 from desplat_ns.console import announce_once
-from desplat_ns.data.colmap_model import POINTS_PLY, find_models, places_of, read_model, state_of
+from desplat_ns.data.colmap_model import find_models, places_of, read_model, state_of
 from desplat_ns.data.point_cloud import Points, points_of, read_cloud
 from desplat_ns.errors import CaptureError
 
@@ -146,8 +146,8 @@ def _largest(folders: tuple[Path, ...], _states: tuple[Any, ...]) -> Reconstruct
             "name another reconstruction with --colmap-path."
         )
     has_tracks = any(point.track.length() for point in model.points3D.values())
-    is_ply = not model.points3D and (folder / POINTS_PLY).is_file()
-    points = read_cloud(folder / POINTS_PLY) if is_ply else points_of(model)
+    cloud = folder / "points3D.ply"
+    points = points_of(model) if model.points3D or not cloud.is_file() else read_cloud(cloud)
     return Reconstruction(folder, frames, points, has_tracks)
 
 
