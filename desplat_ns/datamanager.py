@@ -34,6 +34,7 @@ from desplat_ns.errors import CaptureError, ConfigError
 from desplat_ns.layouts.dataparser import DeSplatDataParserConfig, desplat_dataparser
 from desplat_ns.photo_tourism.dataparser import photo_tourism_dataparser
 from desplat_ns.settings.options import check_ranges, ranged
+from desplat_ns.survey.observations import colors_of_photos
 
 OURS = {
     "desplat-data": desplat_dataparser.config,
@@ -138,6 +139,15 @@ class DeSplatDataManager(FullImageDatamanager[CaptureDataset]):
             )
         if self.test_mode != "inference":  # ns-render and ns-viewer may never look at the photos
             dataset.check_photos()
+        capture = self.train_dataparser_outputs
+        colors = capture.metadata.get("points3D_rgb", torch.zeros(0, 3))
+        is_training = self.test_mode == "val"  # what was trained has learned its colours
+        if is_training and len(colors) > 0 and bool((colors == colors[0]).all()):
+            capture.metadata["points3D_rgb"] = torch.from_numpy(colors_of_photos(capture))
+            announce(
+                f"The {len(colors)} points have no colours, or all the same one: they start in "
+                "those of the photos."
+            )
         numbers = torch.arange(len(dataset))[:, None]
         dataset.cameras.metadata = {**(dataset.cameras.metadata or {}), "train_idx": numbers}
         dataset.metadata["train_cameras"] = dataset.cameras

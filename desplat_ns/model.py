@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from functools import cached_property
@@ -21,6 +20,7 @@ from desplat_ns.backend import Rasterizer, resolve
 from desplat_ns.backend.accumulated_weights import accumulated_weights
 from desplat_ns.backend.protocol import Rendering, RenderSettings, Splats, View
 from desplat_ns.console import list_names
+from desplat_ns.data.point_cloud import distinct
 from desplat_ns.data.training_views import train_index, view_name
 from desplat_ns.errors import BackendUnavailableError, CaptureError, DeSplatError
 from desplat_ns.gaussians.activation import (
@@ -61,10 +61,7 @@ from desplat_ns.training.schedule import Schedule, pause_after_reset
 from desplat_ns.viewer import LayerControl
 
 MIN_SEED_POINTS = 4
-"""Splatfacto sizes each Gaussian by its three nearest neighbours."""
-
-MIN_SEED_SCALE = 1e-6
-"""World units. Coincident 3D points have neighbours at distance 0, whose logarithm is no scale."""
+"""Splatfacto sizes each Gaussian by its three nearest neighbours; they may not be at one place."""
 
 
 class DeSplatModel(SplatfactoModel):
@@ -90,12 +87,16 @@ class DeSplatModel(SplatfactoModel):
         """Static Gaussians at the 3D points, what the effects need, and distractors in front of
         every training camera."""
         points = self.seed_points
-        if points is not None and len(points[0]) < MIN_SEED_POINTS and not self.config.random_init:
-            raise CaptureError(
-                f"The capture has {len(points[0])} 3D points; static Gaussians start at the points "
-                f"of the reconstruction and need at least {MIN_SEED_POINTS}. Give a reconstruction "
-                "with points, or add `--pipeline.model.random-init True`."
-            )
+        if points is not None and not self.config.random_init:
+            rows = torch.from_numpy(distinct(points[0].cpu().numpy()))
+            points = self.seed_points = (points[0][rows], points[1][rows])
+            if len(rows) < MIN_SEED_POINTS:
+                raise CaptureError(
+                    f"The capture has {len(rows)} 3D points at different places; static Gaussians "
+                    f"start at the points of the reconstruction and need at least "
+                    f"{MIN_SEED_POINTS}. Give a reconstruction with points, or add "
+                    "`--pipeline.model.random-init True`."
+                )
         self.config = config = self.config.for_run(self.num_train_data)
         self.schedule = Schedule(config.schedule_scale or 1.0)
         self.effects = config.effects.settled()
@@ -107,7 +108,6 @@ class DeSplatModel(SplatfactoModel):
         """Whether anybody is told the figures of the step at hand."""
         with splatfacto_modules_without_torchmetrics(), splatfacto_modules_without_cuda(self):
             super().populate_modules()
-        self.gauss_params["scales"].data.clamp_(min=math.log(MIN_SEED_SCALE))
         cameras: Cameras = self.kwargs["metadata"]["train_cameras"]
         num_views, scale, effects = self.num_train_data, self.schedule.scale, self.effects
         pixels = int((cameras.width * cameras.height).sum())

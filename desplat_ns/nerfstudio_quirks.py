@@ -95,7 +95,8 @@ def splatfacto_modules_without_cuda(model: SplatfactoModel) -> Iterator[None]:
         model.seed_points = seed
     if len(colors) > 0 and not model.config.random_init:
         unit = colors.float() / 255  # [N, 3], of 8 bits
-        features = RGB2SH(unit) if model.config.sh_degree > 0 else torch.logit(unit, eps=1e-10)
+        # Half a step from 0 and 1: upstream's 1e-10 has a sigmoid without a slope.
+        features = RGB2SH(unit) if model.config.sh_degree > 0 else torch.logit(unit, eps=1 / 510)
         model.gauss_params["features_dc"] = torch.nn.Parameter(features)
 
 

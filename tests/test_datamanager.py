@@ -7,6 +7,10 @@ import shutil
 from pathlib import Path
 
 import numpy as np
+
+# PIL before pycolmap: pycolmap 4.2.1 imported first corrupted the heap when PNGs were written.
+import PIL.Image  # noqa: F401
+import pycolmap
 import pytest
 import torch
 from nerfstudio.data.dataparsers.colmap_dataparser import ColmapDataParserConfig
@@ -53,6 +57,26 @@ def test_training_cameras_say_which_view_they_are(tiny_scene):
     held_out = [camera for camera, _ in data.fixed_indices_eval_dataloader]
     held_out.append(data.next_eval(0)[0])
     assert all("train_idx" not in (camera.metadata or {}) for camera in held_out)
+
+
+@pytest.mark.parametrize("color", [0, 255])
+def test_points_of_one_colour_start_in_those_of_the_photos(copy: Path, capsys, color: int):
+    def colors(**options) -> torch.Tensor:
+        data = manager(RobustNerfDataParserConfig(data=copy), **options)
+        return data.train_dataparser_outputs.metadata["points3D_rgb"]
+
+    own = colors()
+    assert "points have no colours" not in capsys.readouterr().out
+    points = copy / "sparse" / "0" / "points3D.txt"
+    model = pycolmap.Reconstruction(copy / "sparse" / "0")
+    for point in model.points3D.values():
+        point.color = np.full(3, color, np.uint8)
+    model.write_binary(points.parent)
+    for file in points.parent.glob("*.txt"):
+        file.unlink()
+    off = (colors().float() - own.float()).abs().mean(dim=1).median()
+    assert off < 40 and "points have no colours" in capsys.readouterr().out
+    assert (colors(test_mode="test") == color).all(), "what was trained needs them no more"
 
 
 def test_on_the_cpu_nothing_is_pinned(tiny_scene, monkeypatch):

@@ -165,7 +165,7 @@ def test_densification_stays_on_the_gpu_until_it_counts_what_to_clone(start):
 def test_exchanging_distractors_stays_on_the_gpu():
     view = distractors_with_moments()
     splats = activate_distractors(view.params)
-    assert_on_cuda(_with_unsound_behind(splats, the_view()))  # without a look at their values
+    assert_on_cuda(*_with_unsound_behind(splats, the_view()))  # without a look at their values
     assert_on_cuda(splats.means, splats.quats, splats.scales, splats.opacities, splats.colors)
     view.state["grad2d"] = cuda(N)
     new = {name: cuda(5, width) for name, width in WIDTHS.items()}

@@ -55,6 +55,13 @@ def test_a_model_has_its_points_and_their_colours_as_its_own_and_no_metric_netwo
     assert torch.equal(points, _points()), "training moves the data parser's own points"
 
 
+def test_black_and_white_points_without_harmonics_have_a_slope():
+    ends = torch.tensor([[0, 0, 0], [255, 255, 255]] * 3, dtype=torch.uint8)
+    model = _model((_points(), ends), sh_degree=0)
+    assert (model.colors - ends / 255).abs().max() < 0.6 / 255
+    assert (model.colors * (1 - model.colors)).min() > 1e-3
+
+
 @pytest.mark.parametrize("seed_points", [None, (_points(), COLORS)])
 def test_a_random_start_stays_random(seed_points: Any):
     model = _model(seed_points, random_init=True)

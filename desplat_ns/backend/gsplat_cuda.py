@@ -6,11 +6,14 @@ sigma, where an opaque one still has an alpha of 0.011. `gsplat_build` has its k
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import torch
 from torch import Tensor
 
 from desplat_ns.backend.constants import EPS2D, FAR_PLANE, NEAR_PLANE
 from desplat_ns.backend.inputs import check_inputs, is_finite
+from desplat_ns.backend.projection import cut_at_zero, uncut_colors
 from desplat_ns.backend.protocol import Rendering, RenderSettings, Splats, View
 from desplat_ns.errors import BackendUnavailableError
 
@@ -33,12 +36,13 @@ class GsplatRasterizer:
         _check_cuda_float32(splats.means)
         if len(splats.means) == 0:
             return _empty(splats, view, settings)
+        means, colors = _with_unsound_behind(splats, view)
         image, alpha, info = rasterization(
-            means=_with_unsound_behind(splats, view),
+            means=means,
             quats=splats.quats,
             scales=splats.scales,
             opacities=splats.opacities,
-            colors=splats.colors,
+            colors=colors,
             viewmats=view.viewmat[None],
             Ks=view.K[None],
             width=view.width,
@@ -46,7 +50,6 @@ class GsplatRasterizer:
             near_plane=NEAR_PLANE,
             far_plane=FAR_PLANE,
             eps2d=EPS2D,
-            sh_degree=splats.sh_degree,
             packed=False,
             render_mode="RGB+ED" if settings.depth else "RGB",
             absgrad=settings.absgrad,
@@ -61,13 +64,18 @@ class GsplatRasterizer:
         )
 
 
-def _with_unsound_behind(splats: Splats, view: View) -> Tensor:
+def _with_unsound_behind(splats: Splats, view: View) -> tuple[Tensor, Tensor]:
     """Means, those of Gaussians that gsplat would turn into NaN moved behind the camera: also where
-    the determinant of a covariance, of the order of a scale's fourth power, overflows."""
+    the determinant of a covariance, of the order of a scale's fourth power, overflows. And colours
+    seen from `view`: gsplat's own cut at 0 has no gradient."""
     rotation, translation = view.viewmat[:3, :3].detach(), view.viewmat[:3, 3].detach()
     behind = -rotation[2] - translation @ rotation  # of (0, 0, -1), before the camera's axes
     sound = is_finite(splats) & splats.scales.detach().pow(4).sum(-1).isfinite()
-    return torch.where(sound[:, None], splats.means, behind)
+    means = torch.where(sound[:, None], splats.means, behind)
+    if splats.sh_degree is None:
+        return means, splats.colors
+    colors, _ = uncut_colors(replace(splats, means=means), view, sound)
+    return means, cut_at_zero(colors)
 
 
 def _check_cuda_float32(means: Tensor) -> None:

@@ -101,7 +101,25 @@ def view_colors(splats: Splats, view: View) -> Float[Tensor, "N C"]:
     dirs = torch.nn.functional.normalize(splats.means - view.center, dim=-1)
     basis = sh_basis(splats.sh_degree, dirs)
     coefficients = splats.colors[:, : basis.shape[-1]]
-    return (torch.einsum("nk,nkc->nc", basis, coefficients) + 0.5).clamp(min=0)
+    return cut_at_zero(torch.einsum("nk,nkc->nc", basis, coefficients) + 0.5)
+
+
+def cut_at_zero(colors: Float[Tensor, "N C"]) -> Float[Tensor, "N C"]:
+    """max(c, 0). A colour that is cut gets the gradients against which a step makes it lighter:
+    with none, what is black in all views would stay black for ever."""
+    return _CutAtZero.apply(colors)  # type: ignore[return-value]
+
+
+class _CutAtZero(torch.autograd.Function):
+    @staticmethod
+    def forward(ctx, colors):  # type: ignore[override]
+        ctx.save_for_backward(colors)
+        return colors.clamp(min=0)
+
+    @staticmethod
+    def backward(ctx, grad):  # type: ignore[override]
+        (colors,) = ctx.saved_tensors
+        return torch.where((colors > 0) | (grad < 0), grad, 0)
 
 
 def uncut_colors(

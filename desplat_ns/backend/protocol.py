@@ -28,7 +28,8 @@ class Splats:
     colors: Float[Tensor, "N C"] | Float[Tensor, "N K 3"]
     """Final colours, or spherical-harmonics coefficients where `sh_degree` is set."""
     sh_degree: int | None = None
-    """Degree to evaluate, (sh_degree + 1)^2 <= K; the evaluated colour is max(SH + 1/2, 0)."""
+    """Degree to evaluate, (sh_degree + 1)^2 <= K; the evaluated colour is max(SH + 1/2, 0),
+    with the gradient of `projection.cut_at_zero`."""
 
     def rows(self, chosen: Bool[Tensor, " N"] | Int[Tensor, " M"]) -> Splats:
         """Some of them."""

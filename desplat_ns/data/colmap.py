@@ -193,8 +193,6 @@ class DeSplatColmapDataParser(ColmapDataParser):
             scene_box=SceneBox(aabb=torch.tensor([[-half] * 3, [half] * 3], dtype=torch.float32)),
             mask_filenames=self.masks(frames),
             dataparser_scale=oriented.scale,
-            dataparser_transform=(
-                oriented.transform @ torch.from_numpy(self.reconstruction.to_world)
-            ).float(),
+            dataparser_transform=oriented.transform.float(),
             metadata=metadata,
         )

@@ -57,7 +57,7 @@ def state_of(folder: Path) -> tuple[tuple[str, int, int, int], ...]:
 
 
 def read_model(folder: Path) -> pycolmap.Reconstruction:
-    """The whole model.
+    """The whole model, without points that stand in a PLY.
 
     Raises:
         CaptureError: damaged or missing files.
@@ -73,7 +73,7 @@ def read_model(folder: Path) -> pycolmap.Reconstruction:
         if not kind or (folder / f"points3D.{kind}").is_file():
             model = pycolmap.Reconstruction(folder)
         else:
-            model = _with_points_of_ply(folder, kind)
+            model = _without_points(folder, kind)
         for number, name in _names_in(folder / "images.txt").items() if kind == "txt" else ():
             model.image(number).name = name
         return model
@@ -85,29 +85,15 @@ def read_model(folder: Path) -> pycolmap.Reconstruction:
         ) from error
 
 
-def _with_points_of_ply(folder: Path, kind: str) -> pycolmap.Reconstruction:
-    """A model whose points stand in points3D.ply; no photo observes them."""
+def _without_points(folder: Path, kind: str) -> pycolmap.Reconstruction:
+    """A model whose points stand elsewhere; no photo observes them."""
     import pycolmap
 
     with TemporaryDirectory() as place:
         for path in folder.glob(f"*.{kind}"):
             shutil.copy(path, place)
         Path(place, f"points3D.{kind}").write_bytes(bytes(8 * (kind == "bin")))  # there are none
-        model = pycolmap.Reconstruction(place)
-    model.import_PLY(folder / "points3D.ply")
-    return model
-
-
-def read_cloud(path: Path) -> pycolmap.Reconstruction:
-    """A model with the points of a PLY file, black where it has no colours, and no photos.
-
-    Raises one of `UNEXPECTED` where it cannot be read.
-    """
-    import pycolmap
-
-    model = pycolmap.Reconstruction()
-    model.import_PLY(path)
-    return model
+        return pycolmap.Reconstruction(place)
 
 
 def _names_in(path: Path) -> dict[int, str]:

@@ -14,11 +14,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from jaxtyping import Float, Int, UInt8
+from jaxtyping import Float, Int
 from nerfstudio.cameras.cameras import CameraType
 
 from desplat_ns.console import announce_once
 from desplat_ns.data.colmap_model import find_models, places_of, read_model, state_of
+from desplat_ns.data.point_cloud import Points, points_of, read_cloud
 from desplat_ns.errors import CaptureError
 
 if TYPE_CHECKING:
@@ -55,16 +56,6 @@ class Frame:
 
 
 @dataclass(frozen=True)
-class Points:
-    """Triangulated points in the reconstruction's units, ordered by their ids."""
-
-    xyz: Float[np.ndarray, "P 3"]
-    rgb: UInt8[np.ndarray, "P 3"]
-    ids: Int[np.ndarray, " P"]
-    """The reconstruction's own numbers of the points."""
-
-
-@dataclass(frozen=True)
 class Reconstruction:
     """Photos with a pose, and points, whatever file said so, in its own world and units."""
 
@@ -81,8 +72,6 @@ class Reconstruction:
     """z is up, as in transforms.json; without it -y is COLMAP's guess."""
     orientation: str | None = None
     """nerfstudio's orientation method that the file asks for."""
-    to_world: Float[np.ndarray, "4 4"] = field(default_factory=lambda: np.eye(4))
-    """From the world of the program before this file, to which exports go back."""
     splits: Mapping[str, Sequence[str]] = field(default_factory=dict)
     """Names of the photos of each split that the file lists."""
 
@@ -157,17 +146,9 @@ def _largest(folders: tuple[Path, ...], _states: tuple[Any, ...]) -> Reconstruct
             "name another reconstruction with --colmap-path."
         )
     has_tracks = any(point.track.length() for point in model.points3D.values())
-    return Reconstruction(folder, frames, points_of(model), has_tracks)
-
-
-def points_of(model: pycolmap.Reconstruction) -> Points:
-    """The points of a model."""
-    by_id = dict(sorted(model.points3D.items()))
-    return Points(
-        xyz=np.array([point.xyz for point in by_id.values()], dtype=np.float64).reshape(-1, 3),
-        rgb=np.array([point.color for point in by_id.values()], dtype=np.uint8).reshape(-1, 3),
-        ids=np.array(list(by_id), dtype=np.int64),
-    )
+    cloud = folder / "points3D.ply"
+    points = points_of(model) if model.points3D or not cloud.is_file() else read_cloud(cloud)
+    return Reconstruction(folder, frames, points, has_tracks)
 
 
 def _frame(image: pycolmap.Image, folder: Path) -> Frame:

@@ -17,20 +17,17 @@ from nerfstudio.data.dataparsers.nerfstudio_dataparser import NerfstudioDataPars
 
 from desplat_ns.console import announce_once
 from desplat_ns.data.colmap import DeSplatColmapDataParser, with_pycolmap
-from desplat_ns.data.colmap_model import UNEXPECTED, read_cloud
+from desplat_ns.data.colmap_model import UNEXPECTED
 from desplat_ns.data.images import image_size
+from desplat_ns.data.point_cloud import NO_POINTS, Points, read_cloud
 from desplat_ns.data.reconstruction import (
     Frame,
-    Points,
     Reconstruction,
     camera_type_of,
     check_frame,
-    points_of,
     read_reconstruction,
 )
 from desplat_ns.errors import CaptureError
-
-_NO_POINTS = Points(np.zeros((0, 3)), np.zeros((0, 3), np.uint8), np.zeros(0, np.int64))
 
 _OLD_WORLD = np.array([[0, 1, 0, 0], [1, 0, 0, 0], [0, 0, -1, 0]])
 """From COLMAP's world to that of an old ns-process-data, which did not write it."""
@@ -105,11 +102,10 @@ def read_transforms(path: Path, with_points: bool) -> Reconstruction:
     return Reconstruction(
         folder=folder,
         frames=frames,
-        points=_points(cloud, folder, to_world) if with_points else _NO_POINTS,
+        points=_points(cloud, folder, to_world) if with_points else NO_POINTS,
         photos=folder / top,
         is_upright=True,
         orientation=head.get("orientation_override"),
-        to_world=to_world,
         splits=lists,
     )
 
@@ -163,15 +159,9 @@ def _frame(row: dict[str, Any], number: int, path: Path) -> Frame:
 
 def _points(cloud: Path | None, folder: Path, to_world: Float[np.ndarray, "4 4"]) -> Points:
     """The points to start from; none where nothing gives them, which is said."""
-    points = _NO_POINTS
+    points = NO_POINTS
     if cloud is not None:
-        try:
-            points = points_of(read_cloud(cloud))
-        except UNEXPECTED as error:
-            raise CaptureError(
-                f"The point cloud {cloud} cannot be read: {error}. Put it there, or take "
-                f"ply_file_path out of transforms.json."
-            ) from error
+        points = read_cloud(cloud)
     elif (folder / MODEL).is_dir():
         points = read_reconstruction(folder, MODEL).points
         points = replace(points, xyz=points.xyz @ to_world[:3, :3].T + to_world[:3, 3])

@@ -15,12 +15,20 @@ from torch import Tensor
 
 from desplat_ns.backend.protocol import Rendering, View
 from desplat_ns.console import announce, progress_over
+from desplat_ns.data.colmap import DeSplatColmapDataParser
 from desplat_ns.errors import ConfigError
 from desplat_ns.export.formats import UPRIGHT, Frame, Naming, format_of
 from desplat_ns.export.gltf import glb_bytes
 from desplat_ns.export.masks import dilated, distractor_mask, mask_names, photos_on_disk
 from desplat_ns.export.ply import ply_bytes
-from desplat_ns.export.splat_cloud import SplatCloud, baked, moved, shown_anywhere, similarity_to
+from desplat_ns.export.splat_cloud import (
+    SplatCloud,
+    baked,
+    moved,
+    near_zero,
+    shown_anywhere,
+    similarity_to,
+)
 from desplat_ns.export.spz import placed, spz_bytes
 from desplat_ns.files.whole import plain_errors, whole_folder, write_whole
 from desplat_ns.model import DeSplatModel
@@ -48,21 +56,29 @@ def export_splats(
 ) -> None:
     """Write the static Gaussians of a run; say how many, how large, and what was left out.
 
-    Arguments as of `desplat-export splats`. Raises as `load_run`, `static_cloud`, `similarity_to`.
+    Arguments as of `desplat-export splats`. Raises as `load_run`, `static_cloud`.
     """
     ending = format_of(output)
     pipeline = load_run(files).pipeline
     cloud, _ = static_cloud(pipeline, crop, light)
-    outputs = pipeline.datamanager.train_dataparser_outputs
-    transform = outputs.dataparser_transform.numpy()
-    to_file = similarity_to(frame, transform, outputs.dataparser_scale, UPRIGHT[ending])
+    parser, outputs = pipeline.datamanager.dataparser, pipeline.datamanager.train_dataparser_outputs
+    transform = outputs.dataparser_transform
+    if isinstance(parser, DeSplatColmapDataParser):
+        transform = parser.oriented.transform  # in float64
+    to_file = similarity_to(frame, transform.numpy(), outputs.dataparser_scale, UPRIGHT[ending])
     cloud, left_out = moved(cloud, to_file), []
+    if frame == "capture":
+        cloud = near_zero(cloud)
     if ending == ".spz":
         near, told = placed(cloud)
         cloud, left_out = cloud.rows(near), [told] if told else []
-    content = WRITERS[ending](cloud)
+    content, beside = WRITERS[ending](cloud), output.with_name(f"{output.name}.offset.txt")
+    offset = " ".join(map(str, cloud.offset))
     with plain_errors(output):
         write_whole(output, content)
+        beside.unlink(missing_ok=True)
+        if offset:
+            write_whole(beside, f"{offset}\n".encode())
     announce(
         f"Saved {output}: {len(cloud)} Gaussians with harmonics of degree {cloud.degree}, "
         f"{len(content) / 1e6:.2f} MB."
@@ -75,6 +91,12 @@ def export_splats(
         left_out.append(
             "The run was trained with `rasterize-mode antialiased`, which this format cannot say: "
             "switch antialiasing on in the viewer, or write .spz."
+        )
+    if offset:
+        left_out.append(
+            f"float32 is too coarse for the capture's coordinates: {output} has them without an "
+            f"offset of {offset}, which stands in {beside}, in the comment of a .ply and as the "
+            "translation of a .glb's node, which viewers that compute in float32 round."
         )
     for what in left_out:
         announce(what, warning=True)

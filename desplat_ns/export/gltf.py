@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import struct
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -28,7 +28,8 @@ def glb_bytes(cloud: SplatCloud) -> bytes:
     """The file: a header, the JSON, the numbers. Nothing is lost beyond float32."""
     attributes = dict(_attributes(cloud))
     binary = b"".join(values.tobytes() for values in attributes.values())
-    text = json.dumps(_document(attributes, len(binary)), separators=(",", ":")).encode("ascii")
+    document = _document(attributes, len(binary), cloud.offset)
+    text = json.dumps(document, separators=(",", ":")).encode("ascii")
     text += b" " * (-len(text) % 4)
     chunks = struct.pack("<I4s", len(text), b"JSON") + text
     chunks += struct.pack("<I4s", len(binary), b"BIN\0") + binary
@@ -49,7 +50,9 @@ def _attributes(cloud: SplatCloud) -> Iterator[tuple[str, np.ndarray]]:
             yield name, np.ascontiguousarray(cloud.harmonics[:, degree**2 + i], "<f4")
 
 
-def _document(attributes: Mapping[str, np.ndarray], length: int) -> dict[str, Any]:
+def _document(
+    attributes: Mapping[str, np.ndarray], length: int, translation: Sequence[float]
+) -> dict[str, Any]:
     """glTF's JSON: one mesh of one primitive, with an accessor and a view for each attribute."""
     accessors, views, offset = [], [], 0
     for i, (name, values) in enumerate(attributes.items()):
@@ -74,7 +77,7 @@ def _document(attributes: Mapping[str, np.ndarray], length: int) -> dict[str, An
         "extensionsUsed": [EXTENSION],
         "scene": 0,
         "scenes": [{"nodes": [0]}],
-        "nodes": [{"mesh": 0}],
+        "nodes": [{"mesh": 0} | ({"translation": translation} if translation else {})],
         "meshes": [{"primitives": [primitive]}],
         "accessors": accessors,
         "bufferViews": views,

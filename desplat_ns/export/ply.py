@@ -35,6 +35,7 @@ def ply_bytes(cloud: SplatCloud) -> bytes:
         "ply",
         "format binary_little_endian 1.0",
         "comment written by desplat-ns",
+        *(["comment offset " + " ".join(map(str, cloud.offset))] if cloud.offset else []),
         f"element vertex {len(cloud)}",
         *(f"property float {name}" for name in names),
         "end_header",

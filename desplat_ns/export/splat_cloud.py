@@ -6,7 +6,7 @@ Letters in shapes: N Gaussians, K spherical-harmonics bases.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -18,7 +18,7 @@ from desplat_ns.backend.constants import ALPHA_CUTOFF, FAR_PLANE
 from desplat_ns.backend.inputs import is_finite
 from desplat_ns.backend.protocol import Splats
 from desplat_ns.backend.spherical_harmonics import sh_basis
-from desplat_ns.errors import CaptureError, ConfigError
+from desplat_ns.errors import ConfigError
 from desplat_ns.export.formats import Axes, Frame
 from desplat_ns.gaussians.activation import MAX_LOG_SCALE
 from desplat_ns.photo_tourism.appearance import as_harmonics
@@ -29,8 +29,17 @@ MAX_DEGREE = 3
 TOO_WIDE = math.exp(MAX_LOG_SCALE) / 2
 """World units. Wider Gaussians are culled in every view."""
 
-ORTHOGONAL_TOLERANCE = 1e-4
-"""How far a transform's columns may be from orthonormal: it comes as float32, a product of two."""
+OFF_BY = 1 / 32
+"""Of its scale, by which a Gaussian's place may be off along an axis: as far as the rounding of the
+scale in SPZ, by 1/32 of its logarithm, moves the Gaussian's edge. Coarser places cost more than all
+other rounding, finer ones gain nothing (docs/results/quality.md)."""
+
+PRECISE = 0.9
+"""Of the Gaussians, so many are to be in place so well, by the middle one of their three scales:
+nobody sees where along the smallest one a disc lies."""
+
+FAR = 0.01
+"""Of the Gaussians, so many may lie too far away for that: more are a part of the scene."""
 
 
 @dataclass(frozen=True)
@@ -49,6 +58,8 @@ class SplatCloud:
     """Coefficients in 3DGS's sign convention; the colour is max(SH + 1/2, 0)."""
     antialiased: bool = False
     """Whether opacities are meant for Mip-Splatting's low-pass filter."""
+    offset: tuple[float, ...] = ()
+    """x, y, z to add to `means` where they would be too large for float32; see `near_zero`."""
 
     def __len__(self) -> int:
         return len(self.means)
@@ -60,8 +71,13 @@ class SplatCloud:
 
     def rows(self, chosen: Bool[np.ndarray, " N"]) -> SplatCloud:
         """The chosen Gaussians only."""
-        arrays = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "antialiased"}
+        arrays = {n: v for n, v in vars(self).items() if isinstance(v, np.ndarray)}
         return replace(self, **{name: values[chosen] for name, values in arrays.items()})
+
+    @property
+    def size(self) -> float:
+        """Of the middle ones of their scales: a share `PRECISE` of the Gaussians is larger."""
+        return float(np.quantile(np.sort(self.scales, axis=1)[:, 1], 1 - PRECISE))
 
 
 def xyzw(quats: Float[np.ndarray, "N 4"]) -> Float[np.ndarray, "N 4"]:
@@ -131,25 +147,28 @@ def similarity_to(
         transform: the dataparser's: the capture's coordinates to those of training, before scaling.
         scale: the dataparser's.
         upright_axes: from nerfstudio's axes (z up) to the file's.
-
-    Raises:
-        CaptureError: the transform bends or stretches, so Gaussians cannot follow it.
     """
     if frame == "training":
         return Similarity(np.eye(3), 1.0, np.zeros(3))
     matrix = np.asarray(transform, np.float64)
     stretch = np.cbrt(abs(np.linalg.det(matrix[:, :3])))
     turn = matrix[:, :3] / stretch
-    if not np.allclose(turn @ turn.T, np.eye(3), atol=ORTHOGONAL_TOLERANCE):
-        raise CaptureError(
-            "The capture's own coordinates differ from those of training by more than a turn, a "
-            "shift and a scale (`applied_transform` in its transforms.json?), which Gaussians "
-            "cannot follow. Add `--frame training`."
-        )
     unscaled = 1 / (float(scale) * stretch)
     if frame == "upright":
         return Similarity(np.asarray(upright_axes, np.float64), unscaled, np.zeros(3))
-    return Similarity(turn.T, unscaled, -turn.T @ matrix[:, 3] / stretch)
+    # Of float32 the turn is orthogonal to seven digits, which are metres of a large shift.
+    return Similarity(turn.T, unscaled, np.linalg.solve(matrix[:, :3], -matrix[:, 3]))
+
+
+def near_zero(cloud: SplatCloud) -> SplatCloud:
+    """The same Gaussians with an offset, in whole units, where places of float32, in which files
+    and viewers have them, would be off by more than `OFF_BY`, as those of geo-referenced captures.
+    """
+    reach = np.quantile(np.abs(cloud.means).max(axis=1), 1 - FAR, method="higher")
+    if np.spacing(np.float32(reach)) / 2 <= OFF_BY * cloud.size:
+        return cloud
+    offset = np.rint(np.median(cloud.means, axis=0))
+    return replace(cloud, means=cloud.means - offset, offset=tuple(offset.tolist()))
 
 
 def moved(cloud: SplatCloud, by: Similarity) -> SplatCloud:

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Bool, Float, UInt8, UInt32
 
 from desplat_ns.errors import ConfigError
-from desplat_ns.export.splat_cloud import SplatCloud, xyzw
+from desplat_ns.export.splat_cloud import FAR, OFF_BY, SplatCloud, xyzw
 
 MAGIC, VERSION, ANTIALIASED = 0x5053474E, 3, 0x1
 
@@ -24,18 +24,6 @@ LARGEST = 2**23 - 1
 
 MAX_FRACTIONAL_BITS = 20
 """A millionth of a unit."""
-
-OFF_BY = 1 / 32
-"""Of its scale, by which a Gaussian's place may be off along an axis: as far as the rounding of the
-scale, by 1/32 of its logarithm, moves the Gaussian's edge. Coarser places cost more than all other
-rounding, finer ones gain nothing (docs/results/quality.md)."""
-
-PRECISE = 0.9
-"""Of the Gaussians, so many are to be in place so well, by the middle one of their three scales:
-nobody sees where along the smallest one a disc lies."""
-
-FAR = 0.01
-"""Of the Gaussians, at most so many are left out for that: more are a part of the scene."""
 
 COLOR_SCALE = 0.15
 """Of zeroth coefficients, so that colours somewhat beyond [0, 1] fit into a byte."""
@@ -95,20 +83,19 @@ def placed(cloud: SplatCloud) -> tuple[Bool[np.ndarray, " N"], str]:
     the others.
     """
     reach = np.abs(cloud.means).max(axis=1)
-    size = float(np.quantile(np.sort(cloud.scales, axis=1)[:, 1], 1 - PRECISE))
-    needed = math.ceil(-math.log2(2 * OFF_BY * size))
+    needed = math.ceil(-math.log2(2 * OFF_BY * cloud.size))
     with_all = fractional_bits(reach.max())
     with_most = fractional_bits(np.quantile(reach, 1 - FAR, method="higher"))
     bits = max(with_all, min(needed, with_most))
     near = reach <= LARGEST / 2.0**bits
     step = 2.0 ** -fractional_bits(reach[near].max())
-    if near.all() and step / 2 <= OFF_BY * size:
+    if near.all() and step / 2 <= OFF_BY * cloud.size:
         return near, ""
     return near, (
         f"Not in the file: {(~near).sum()} of {len(cloud)} Gaussians, more than "
         f"{LARGEST / 2.0**bits:.3g} units from the origin. SPZ rounds the places of the others to "
-        f"steps of {step:.3g} units, and Gaussians are as small as {size:.2g}. Write .glb or .ply, "
-        "or leave out more of what is far away: --crop 2."
+        f"steps of {step:.3g} units, and Gaussians are as small as {cloud.size:.2g}. Write .glb or "
+        ".ply, or leave out more of what is far away: --crop 2."
     )
 
 

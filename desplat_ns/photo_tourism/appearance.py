@@ -15,7 +15,7 @@ from jaxtyping import Float, Int
 from torch import Tensor, nn
 
 from desplat_ns.backend.inputs import finite_colors
-from desplat_ns.backend.projection import uncut_colors
+from desplat_ns.backend.projection import cut_at_zero, uncut_colors
 from desplat_ns.backend.protocol import Splats, View
 from desplat_ns.backend.spherical_harmonics import C0
 from desplat_ns.photo_tourism.config import AppearanceConfig
@@ -187,7 +187,7 @@ class AffineAppearance(_Appearance):
 
         def lit(embedding: Tensor) -> Splats:
             beta, gamma = self.tones(embedding, features, zeroth, rows)
-            toned = toned_color(colors, gamma, beta).clamp(min=0)
+            toned = cut_at_zero(toned_color(colors, gamma, beta))
             if finite is not None:  # for the backend to cull them
                 toned = toned.masked_fill(~finite[:, None], float("nan"))
             return replace(splats, colors=toned, sh_degree=None)

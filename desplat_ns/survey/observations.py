@@ -35,6 +35,8 @@ MOST_READERS = 8
 """Photos that are decoded at once at most: one of 12 megapixels takes 36 MB meanwhile."""
 MOST_POINTS = 3000
 """Points at which colours are compared; more make no figure steadier."""
+COLOR_PHOTOS, COLOR_POINTS = 24, 100_000
+"""So many photos, evenly spread, colour so many points in a few seconds; others are like these."""
 GRID = 5
 """Samples along a patch's side, about a pixel apart: the least that has a structure."""
 PATCH_RADIUS = (GRID - 1) / 2
@@ -236,6 +238,40 @@ def _read_small(
     if capture.mask_filenames is not None:
         allowed &= resize_mask(dataset.get_mask(index)[..., 0].numpy(), *view.size)
     return image[..., :3], allowed
+
+
+def colors_of_photos(capture: DataparserOutputs) -> UInt8[np.ndarray, "N 3"]:
+    """Colours of a split's points: the median of what the photos show there, or the colour of the
+    nearest point that a photo shows, or grey where none shows any.
+
+    Raises:
+        CaptureError: as `observe`.
+    """
+    from sklearn.neighbors import NearestNeighbors
+
+    all_xyz = capture.metadata["points3D_xyz"].double().cpu().numpy()
+    xyz = all_xyz[:: -(-len(all_xyz) // COLOR_POINTS)]
+    count = min(len(capture.image_filenames), COLOR_PHOTOS)
+    indices = np.linspace(0, len(capture.image_filenames) - 1, count).round().astype(int).tolist()
+    dataset = CaptureDataset(capture)
+
+    def colors_in(index: int) -> Float[np.ndarray, "M 3"]:
+        view = small_view(capture.cameras, index)
+        photo, allowed = _read_small(capture, dataset, index, view)
+        inside, hidden = in_view_of(view, xyz)
+        at = np.where(inside[:, None], view.project(xyz)[0], 0).astype(int)
+        column, row = np.minimum(at, np.array(view.size) - 1).T
+        shown = inside & ~hidden & allowed[row, column]
+        return np.where(shown[:, None], photo[row, column], np.nan).astype(np.float32)
+
+    with ThreadPoolExecutor(min(MOST_READERS, cores())) as pool:
+        seen = np.stack(list(pool.map(colors_in, indices)))
+    known = np.isfinite(seen[..., 0]).any(axis=0)
+    if not known.any():
+        return np.full(all_xyz.shape, 128, np.uint8)
+    colors = np.nanmedian(seen[:, known], axis=0).astype(np.uint8)
+    nearest = NearestNeighbors(n_neighbors=1).fit(xyz[known])
+    return colors[nearest.kneighbors(all_xyz, return_distance=False)[:, 0]]
 
 
 def _chosen_points(tracked: np.ndarray) -> np.ndarray:

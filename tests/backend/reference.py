@@ -123,11 +123,17 @@ def covariances2d(means_c: Tensor, sigma3d: Tensor, rotation: Tensor, K: Tensor,
 
 
 def sh_colors(means: Tensor, harmonics: Tensor, centre: Tensor, degree: int) -> Tensor:
-    """[N, C]: what spherical harmonics show to a camera at `centre`."""
+    """[N, C]: what spherical harmonics show to a camera at `centre`.
+
+    A colour cut at 0 has the gradient of the uncut one where that is negative, else none.
+    """
     d = (means - centre) / (means - centre).norm(dim=-1, keepdim=True)
     basis = real_sh(degree, d)
     colors = torch.einsum("nk,nkc->nc", basis, harmonics[:, : basis.shape[1]]) + 0.5
-    return colors.clamp(min=0)
+    cut = colors.detach() <= 0
+    if colors.requires_grad:
+        colors.register_hook(lambda grad: torch.where(cut, grad.clamp(max=0), grad))
+    return colors - torch.where(cut, colors.detach(), 0)
 
 
 def project(

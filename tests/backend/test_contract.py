@@ -194,6 +194,20 @@ def test_alpha_is_clamped_and_no_gradient_passes_the_clamp(backend):
     assert leaves.colors.grad.flatten().tolist() == pytest.approx([0.999] * 3, rel=eps)
 
 
+@pytest.mark.parametrize("sh", [0.0, -0.5, -0.7])
+def test_a_colour_cut_at_0_can_become_lighter_and_not_darker(backend, sh):
+    """SH + 1/2 is 1/2, 0 and -0.2: a black one, and one below, had no gradient in any view."""
+    black = torch.full((1, 1, 3), 2 * math.sqrt(math.pi) * sh)
+    leaves, got = backend.render(one_gaussian(colors=black, sh_degree=0), RenderSettings())
+    pixel = got.rgb[4, 4]
+    assert pixel.tolist() == pytest.approx([0.25 if sh == 0 else 0.0] * 3, abs=1e-7)
+    (up,) = torch.autograd.grad(-pixel.sum(), leaves.colors, retain_graph=True)
+    (down,) = torch.autograd.grad(pixel.sum(), leaves.colors)
+    slope = 0.5 * 0.5 / math.sqrt(math.pi)  # opacity times the constant harmonic
+    assert up.flatten().tolist() == pytest.approx([-slope] * 3, rel=1e-6)
+    assert down.flatten().tolist() == pytest.approx([slope if sh == 0 else 0.0] * 3, rel=1e-6)
+
+
 def test_blending_stops_before_the_transmittance_falls_to_1e_4(backend):
     # 0.95^3 leaves 1.25e-4; the fourth layer would leave 6.25e-6 and is not drawn.
     four = one_gaussian(

@@ -16,6 +16,7 @@ import torch
 from desplat_ns.backend import RenderSettings, gsplat_cuda
 from desplat_ns.backend.gsplat_cuda import GsplatRasterizer
 from desplat_ns.errors import BackendUnavailableError
+from tests.backend.reference import sh_colors
 from tests.backend.scenes import TestScene, random_scene
 
 REAL_SIGNATURE = inspect.signature(gsplat.rendering.rasterization)
@@ -62,7 +63,6 @@ def test_settings_reach_gsplat_under_its_names(fake):
         "near_plane": 0.01,
         "far_plane": 1e10,
         "eps2d": 0.3,
-        "sh_degree": 1,
         "packed": False,
         "render_mode": "RGB+ED",
         "absgrad": True,
@@ -70,6 +70,18 @@ def test_settings_reach_gsplat_under_its_names(fake):
     }
     assert fake.arguments["viewmats"].shape == (1, 4, 4)
     assert torch.equal(fake.arguments["means"], scene.means)
+
+
+def test_gsplat_gets_colours_that_are_evaluated_and_can_leave_black(fake):
+    scene = scene_of(2)
+    with torch.no_grad():
+        scene.colors[1] = -9.0
+    GsplatRasterizer()(scene.splats, scene.view, RenderSettings())
+    colors = fake.arguments["colors"]
+    wanted = sh_colors(scene.means, scene.colors, scene.view.center, 1)
+    assert torch.allclose(colors, wanted, atol=1e-5) and not colors[1].any()
+    (slope,) = torch.autograd.grad(-colors.sum(), scene.colors)
+    assert (slope[1, 0] < 0).all()
 
 
 def test_colour_and_depth_are_taken_apart(fake):

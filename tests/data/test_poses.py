@@ -11,8 +11,9 @@ import torch
 from nerfstudio.cameras.cameras import CameraType
 
 from desplat_ns.data.photo_files import check_files
+from desplat_ns.data.point_cloud import Points
 from desplat_ns.data.poses import OrientedPoses, points_metadata
-from desplat_ns.data.reconstruction import TRACKS, Frame, Points, Reconstruction, check_frame
+from desplat_ns.data.reconstruction import TRACKS, Frame, Reconstruction, check_frame
 from desplat_ns.errors import CaptureError
 
 IMPOSSIBLE = (

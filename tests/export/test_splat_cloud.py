@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from desplat_ns.backend.protocol import Splats
-from desplat_ns.errors import CaptureError, ConfigError
+from desplat_ns.errors import ConfigError
 from desplat_ns.export.formats import UPRIGHT, Y_UP
 from desplat_ns.export.splat_cloud import (
     Similarity,
@@ -129,8 +129,3 @@ def test_up_is_up_and_the_captures_scale_is_kept(suffix: str, up: int):
     raised = replace(cloud(count=1), means=np.array([[0.0, 0.0, 2.0]]))
     assert np.allclose(moved(raised, by).means, [[0, 20 * up, 0]])
     assert np.linalg.det(by.turn) == pytest.approx(1.0), "nothing is mirrored"
-
-
-def test_a_transform_that_stretches_is_refused():
-    with pytest.raises(CaptureError, match="--frame training"):
-        similarity_to("capture", np.diag([1.0, 2.0, 1.0, 1.0])[:3], 1.0, Y_UP)

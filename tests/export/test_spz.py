@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from desplat_ns.errors import ConfigError
-from desplat_ns.export.splat_cloud import SplatCloud
-from desplat_ns.export.spz import OFF_BY, PRECISE, fractional_bits, placed, spz_bytes
+from desplat_ns.export.splat_cloud import OFF_BY, PRECISE, SplatCloud
+from desplat_ns.export.spz import fractional_bits, placed, spz_bytes
 from tests.helpers.splat_files import cloud, read_splats
 
 ROUNDING = 1e-6

@@ -2,7 +2,7 @@
 
 On the unit sphere each harmonic is a polynomial of the direction (x, y, z): a list of terms c x^i
 y^j z^k, read off `spherical_harmonics.py`'s definition once. With colour = sum_k B_k(d) f_k and v =
-dL/dcolour (0 where the colour was cut off at 0), d = r / |r|, r = mean - camera,
+dL/dcolour (as `projection.cut_at_zero` has it), d = r / |r|, r = mean - camera,
 
     dL/df_k = B_k v,    dL/dd = sum_k (f_k . v) grad B_k,    dL/dr = (dL/dd - d (d . dL/dd)) / |r|.
 
@@ -158,9 +158,11 @@ def _evaluate(means, values, radii, center, places, coefficients, sizes, out, co
 def _backward_values(values, out, grad, i, sizes, s, plane, v_values):
     """Gradients of the coefficients of the i-th Gaussian; f_k . v takes the place of B_k."""
     stored, used, is_cut = sizes
-    r = grad[3 * i] if not is_cut or out[3 * i] > _ZERO else _ZERO
-    g = grad[3 * i + 1] if not is_cut or out[3 * i + 1] > _ZERO else _ZERO
-    b = grad[3 * i + 2] if not is_cut or out[3 * i + 2] > _ZERO else _ZERO
+    r, g, b = grad[3 * i], grad[3 * i + 1], grad[3 * i + 2]
+    if is_cut:
+        r = r if out[3 * i] > _ZERO or r < _ZERO else _ZERO
+        g = g if out[3 * i + 1] > _ZERO or g < _ZERO else _ZERO
+        b = b if out[3 * i + 2] > _ZERO or b < _ZERO else _ZERO
     for basis in range(used):
         at, lane = 3 * (i * stored + basis), plane + LANE * basis
         weight = s[lane]
