@@ -55,7 +55,7 @@ class OnTheGoDataParser(DeSplatColmapDataParser):
                 "the split.json that belongs to this scene."
             )
         train, held_out = ([ordered[i] for i in positions[kind]] for kind in ("clutter", "extra"))
-        return two_lists(train, held_out, path)
+        return two_lists(train, held_out)
 
     def read(self) -> Reconstruction:
         """The COLMAP model, else transforms.json. Raises as their readers."""

@@ -41,7 +41,7 @@ class RobustNerfDataParser(DeSplatColmapDataParser):
         """Each photo by what its name says."""
         config = self.config
         train = names_by_ratio(names, config.train_split_clean_clutter_ratio, config.seed)
-        return two_lists(train, [name for name in names if kind_of(name) == "extra"], config.data)
+        return two_lists(train, [name for name in names if kind_of(name) == "extra"])
 
 
 def kind_of(name: str) -> str:

@@ -51,7 +51,7 @@ def export_splats(
     Arguments as of `desplat-export splats`. Raises as `load_run`, `static_cloud`, `similarity_to`.
     """
     ending = format_of(output)
-    pipeline = load_run(files).pipeline
+    pipeline = load_run(files, needs_photos=False).pipeline
     cloud, _ = static_cloud(pipeline, crop, light)
     outputs = pipeline.datamanager.train_dataparser_outputs
     transform = outputs.dataparser_transform.numpy()
