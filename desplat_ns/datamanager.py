@@ -89,9 +89,8 @@ class DeSplatDataManagerConfig(FullImageDatamanagerConfig):
         data = self.dataparser.data
         if not data.exists():
             raise CaptureError(
-                f"There is no {data}, where the capture is looked for. Put it there, or name its "
-                "folder with --data; of a trained run, desplat-eval, desplat-report and "
-                "desplat-export take that option."
+                f"There is no capture {data}. Put it there, or name its folder with --data, which "
+                "desplat-eval, desplat-report and desplat-export take for a trained run."
             )
         self.dataparser = without_prompts(self.dataparser)
         return self.dataparser

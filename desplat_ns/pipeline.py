@@ -16,7 +16,7 @@ from torchvision.utils import save_image
 
 from desplat_ns.cores import leave_cores_to_others
 from desplat_ns.data.training_views import image_names
-from desplat_ns.datamanager import DeSplatDataManager, DeSplatDataManagerConfig
+from desplat_ns.datamanager import DeSplatDataManager
 from desplat_ns.errors import CheckpointError
 from desplat_ns.evaluation.config import EvaluationConfig
 from desplat_ns.evaluation.evaluate import Show, evaluate, evaluate_in_training
@@ -61,8 +61,7 @@ class DeSplatPipeline(VanillaPipeline):
             if Path(sys.argv[0]).stem == "ns-render":
                 use_ffmpeg_of_imageio()
             device = where_to_render(cast(DeSplatModelConfig, config.model).backend, device)
-            manager = cast(DeSplatDataManagerConfig, config.datamanager)
-            manager.data = manager.data and found(manager.data)
+            config.datamanager.data = config.datamanager.data and found(config.datamanager.data)
         if torch.device(device).type == "cpu":
             leave_cores_to_others()
         super().__init__(config, str(device), test_mode, **kwargs)

@@ -14,13 +14,13 @@ from nerfstudio.engine.trainer import TrainerConfig
 
 from desplat_ns.console import announce
 from desplat_ns.datamanager import DeSplatDataManagerConfig
-from desplat_ns.errors import CaptureError, ConfigError
+from desplat_ns.errors import ConfigError
 from desplat_ns.model_config import DeSplatModelConfig
 from desplat_ns.nerfstudio_quirks import write_enumerations_by_value
 from desplat_ns.settings.effects import Effects
 from desplat_ns.settings.options import check_ranges, ranged
 from desplat_ns.survey.findings import Survey
-from desplat_ns.survey.survey import decided_effects, mismatch_of
+from desplat_ns.survey.survey import decided_effects, mismatch_of, refuse_mismatch
 from desplat_ns.training.checkpoint import checkpoint_folder, load_checkpoint, load_newest
 from desplat_ns.training.resume import SceneRecord
 from desplat_ns.training.schedule import (
@@ -146,14 +146,10 @@ class RunConfig(TrainerConfig):
             record = SceneRecord.from_state(saved[1]["pipeline"].get("_extra_state"))
             model.effects = model.effects.decided(Effects(**record.effects))
         elif is_auto and model.effects.is_open:
-            model.effects, findings = decided_effects(model.effects, capture())
-        if saved is None and not self.accept_mismatch:
-            said = mismatch_of(capture()) if findings is None else findings.mismatch
-            if said:
-                raise CaptureError(
-                    f"{said} To train all the same, add `--accept-mismatch True` (before the name "
-                    "of a data parser)."
-                )
+            accept = self.accept_mismatch
+            model.effects, findings = decided_effects(model.effects, capture(), accept)
+        elif saved is None and not self.accept_mismatch:
+            refuse_mismatch(mismatch_of(capture()))
         return findings
 
     def settle_length(self, capture: Capture) -> None:

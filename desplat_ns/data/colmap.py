@@ -152,9 +152,11 @@ class DeSplatColmapDataParser(ColmapDataParser):
             named = [a if a.is_file() else b for a, b in zip(whole, short, strict=True)]
         elif all(frame.mask is None for frame in frames):
             if (folder / "masks").is_dir() and self.config.distractor_masks_path is None:
+                if not self.reconstruction.is_upright:
+                    option = "`colmap --masks-path masks` at the end of the command"
                 announce_once(
-                    f"{folder / 'masks'} is not used. If white is what may be used there, name it: "
-                    f"{option}, or `colmap --masks-path masks` at the end of the command."
+                    f"{folder / 'masks'} is not used. If white is what may be used there, add "
+                    f"{option}."
                 )
             return None
         check_files(named, folder, "masks", option)

@@ -17,19 +17,8 @@ from typing import Any
 from desplat_ns.console import announce_once, list_names
 
 Lists = Mapping[str, Sequence[str]]
-"""Photos by split (train, val, test): paths inside the images folder, or file names."""
-
-LIST_FILES = {
-    "train": ("train",),
-    "val": ("val", "validation", "test"),
-    "test": ("test", "val", "validation"),
-}
-"""Which `<name>_list.txt` says which photos a split has: the first that is there."""
-
-
-def two_lists(train: Sequence[str], held_out: Sequence[str]) -> Lists:
-    """Photos that train, and photos that are held out, for val and for test."""
-    return {"train": train, "val": held_out, "test": held_out}
+"""Photos by split (train, val, test): paths inside the images folder, or file names. Without val
+it is test, and without test val."""
 
 
 def in_both(train: Sequence[Path], held_out: Sequence[Path]) -> list[str]:
@@ -53,14 +42,14 @@ def _digest(path: Path, most: int = -1) -> bytes:
 
 
 def read_list_files(data: Path) -> Lists:
-    """What `train_list.txt`, `test_list.txt` and their like in a capture say, a name in each line;
-    empty without such files."""
+    """What `train_list.txt`, `test_list.txt` and `val_list.txt`, or `validation_list.txt`, in a
+    capture say, a name in each line; empty without such files."""
     lists: dict[str, list[str]] = {}
-    for split, names in LIST_FILES.items():
-        for path in (data / f"{name}_list.txt" for name in names):
-            if split not in lists and path.is_file():
-                lines = path.read_text("utf-8-sig", errors="replace").splitlines()
-                lists[split] = [line.strip() for line in lines if line.strip()]
+    for name in ("train", "test", "validation", "val"):
+        if (path := data / f"{name}_list.txt").is_file():
+            lines = path.read_text("utf-8-sig", errors="replace").splitlines()
+            split = "val" if name == "validation" else name
+            lists[split] = [line.strip() for line in lines if line.strip()]
     return lists
 
 

@@ -4,19 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, is_dataclass
-from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import torch
 import yaml
 from nerfstudio.cameras.cameras import Cameras
-from nerfstudio.data.dataparsers.base_dataparser import (
-    DataParser,
-    DataParserConfig,
-    DataparserOutputs,
-)
+from nerfstudio.data.dataparsers.base_dataparser import DataParserConfig, DataparserOutputs
 from nerfstudio.utils import eval_utils
 
 from desplat_ns.errors import ConfigError
@@ -40,22 +36,17 @@ class LoadedRun:
     """Done."""
 
 
-class _Remembered(DataParser):
+def _remembered(record: SceneRecord) -> DataParserConfig:
     """What a checkpoint keeps of its capture: no photos, no points, no held-out views."""
-
-    def __init__(self, record: SceneRecord, config: DataParserConfig):
-        super().__init__(config)
-        self.record = record
-
-    def _generate_dataparser_outputs(self, split: str = "train", **_: Any) -> DataparserOutputs:
-        numbers = dict(self.record.cameras or {})
-        transform, scale = numbers.pop("transform"), float(numbers.pop("scale"))
-        return DataparserOutputs(
-            image_filenames=[Path(name) for name in self.record.train_images],
-            cameras=Cameras(**numbers),  # pyright: ignore[reportArgumentType]
-            dataparser_transform=transform,
-            dataparser_scale=scale,
-        )
+    numbers: dict[str, Any] = dict(record.cameras or {})
+    outputs = DataparserOutputs(
+        image_filenames=[Path(name) for name in record.train_images],
+        dataparser_transform=numbers.pop("transform"),
+        dataparser_scale=float(numbers.pop("scale")),
+        cameras=Cameras(**numbers),
+    )
+    parser: Any = SimpleNamespace(includes_time=False, get_dataparser_outputs=lambda **_: outputs)
+    return DataParserConfig(lambda _: parser, Path())  # pyright: ignore[reportArgumentType]
 
 
 def load_run(
@@ -89,8 +80,7 @@ def load_run(
             record = SceneRecord.from_state(state.get("_extra_state"))
             if record.cameras:
                 mode, manager = "inference", config.pipeline.datamanager
-                parser: Any = partial(_Remembered, record)
-                manager.data, manager.dataparser = None, DataParserConfig(parser, Path())
+                manager.data, manager.dataparser = None, _remembered(record)
         pipeline: Any = config.pipeline.setup(device=torch.device(device), test_mode=mode)
     except (yaml.YAMLError, AttributeError, KeyError) as error:
         if isinstance(error, AttributeError) and not is_dataclass(error.obj):

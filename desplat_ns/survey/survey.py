@@ -32,6 +32,17 @@ LEAST_AGREEMENT = 0.2
 """See `_unlike`."""
 MOST_CHECKED = 24
 """Photos that are compared with the points where no survey is made: a second or two."""
+MASKED = "A mask leaves nothing of its photo, in {}: white is what may be used."
+BEHIND = (
+    "Points and cameras do not go together: in {} fewer than 8 points lie before the camera and "
+    "inside of the photo. Check that both are of one reconstruction, and the poses' axes (in "
+    "transforms.json y is up and -z ahead)."
+)
+UNLIKE = (
+    "Photos and points do not go together: {} show something else at the points than the others. "
+    "Check that the photos are those of the reconstruction, neither turned nor exchanged, and the "
+    "focal lengths."
+)
 MOST_COLUMNS, SIDE, HEAD = 8, 200, 18
 """Photos on the sheet; pixels of the square in which each is shown, and of the row's title."""
 ROWS = (
@@ -99,37 +110,21 @@ def _notes(observations: Observations, num_photos: int) -> list[str]:
 
 
 def mismatches(observations: Observations) -> tuple[list[str], bool]:
-    """Sentences on photos that do not go with the masks, the cameras or the points, and whether
-    these are more than half of all, so that nothing useful can be trained."""
+    """Sentences on photos that do not go with their masks, cameras or points, where they are more
+    than a share of all; and whether they are more than half, so that training would be in vain."""
     count = len(observations.views)
     is_judged = len(observations.all_xyz) >= LEAST_COMPARED
-    kinds = (
-        (
-            np.array([not mask.any() for mask in observations.allowed]),
-            0.0,
-            "A mask leaves nothing of its photo, in {}: white is what may be used.",
-        ),
-        (
-            is_judged & (observations.num_in_view < LEAST_IN_VIEW),
-            0.5,
-            "Points and cameras do not go together: {} have nearly no point before the camera and "
-            "inside of the photo. Check that both are of one reconstruction, and the poses' axes "
-            "(in transforms.json y is up and -z ahead).",
-        ),
-        (
-            _unlike(observations),
-            0.25,
-            "Photos and points do not go together: {} show something else at the points than the "
-            "others. Check that the photos are those of the reconstruction, neither turned nor "
-            "exchanged, and the focal lengths.",
-        ),
-    )
+    kinds = [
+        (MASKED, 0.0, ~np.array([mask.any() for mask in observations.allowed])),
+        (BEHIND, 0.5, is_judged & (observations.num_in_view < LEAST_IN_VIEW)),
+        (UNLIKE, 0.25, _unlike(observations)),
+    ]
     said = []
-    for which, share, sentence in kinds:
+    for sentence, share, which in kinds:
         if which.sum() > share * count:
             names = list_names((observations.names[i] for i in np.flatnonzero(which).tolist()), 3)
             said.append(sentence.format(f"{which.sum()} of {count} photos ({names})"))
-    return said, bool(2 * np.any([which for which, _, _ in kinds], axis=0).sum() > count)
+    return said, bool(2 * np.any([which for _, _, which in kinds], axis=0).sum() > count)
 
 
 def mismatch_of(capture: DataparserOutputs) -> str:
@@ -137,6 +132,15 @@ def mismatch_of(capture: DataparserOutputs) -> str:
     `observe`."""
     said, is_mismatch = mismatches(observe(capture, MOST_CHECKED))
     return " ".join(said) if is_mismatch else ""
+
+
+def refuse_mismatch(mismatch: str) -> None:
+    """Raise CaptureError, with the option that accepts it, where training would be in vain."""
+    if mismatch:
+        raise CaptureError(
+            f"{mismatch} To train all the same, add `--accept-mismatch True` (before the name of a "
+            "data parser)."
+        )
 
 
 def _unlike(observations: Observations) -> Bool[np.ndarray, " V"]:
@@ -160,7 +164,7 @@ def _unlike(observations: Observations) -> Bool[np.ndarray, " V"]:
 
 
 def decided_effects(
-    effects: EffectsConfig, outputs: DataparserOutputs
+    effects: EffectsConfig, outputs: DataparserOutputs, accept_mismatch: bool = False
 ) -> tuple[EffectsConfig, Survey]:
     """The effects that the training photos call for, where `effects` does not give them, and the
     findings, which are said on the console. Distractors are on unless they are given.
@@ -169,9 +173,11 @@ def decided_effects(
         outputs: of the training split.
 
     Raises:
-        CaptureError: no photo, or one that cannot be read or does not fit its camera.
+        CaptureError: no photo, or one that cannot be read or does not fit its camera; or as
+            `refuse_mismatch`, unless a mismatch is accepted.
     """
     findings, _ = survey(outputs)
+    refuse_mismatch("" if accept_mismatch else findings.mismatch)
     decided = effects.decided(Effects(**findings.decisions()))  # pyright: ignore[reportArgumentType]
     for line in findings.summary():
         announce(line)
