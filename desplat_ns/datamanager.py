@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import random
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -87,7 +88,7 @@ class DeSplatDataManagerConfig(FullImageDatamanagerConfig):
         if self.data is not None:
             self.dataparser.data = Path(self.data)  # pyright: ignore[reportAttributeAccessIssue]
         data = self.dataparser.data
-        if not data.exists():
+        if not os.path.exists(data) and "data_dir" not in vars(self.dataparser):  # nuscenes' name
             raise CaptureError(
                 f"There is no capture {data}. Put it there, or name its folder with --data, which "
                 "desplat-eval, desplat-report and desplat-export take for a trained run."
@@ -200,11 +201,15 @@ class DeSplatDataManager(FullImageDatamanager[CaptureDataset]):
     def remembered(self) -> dict[str, Tensor]:
         """The training cameras, as pinholes, and the capture's frame: what a checkpoint keeps to
         recognise the capture, and to do without it where no photo is needed."""
-        outputs, cameras = self.train_dataparser_outputs, self.train_dataset.cameras
+        outputs, parser = self.train_dataparser_outputs, self.dataparser
+        transform, cameras = outputs.dataparser_transform, self.train_dataset.cameras
+        if isinstance(parser, DeSplatColmapDataParser):  # in float64
+            to_world = torch.from_numpy(parser.reconstruction.to_world)
+            transform = parser.oriented.transform @ to_world
+        scale = torch.tensor(outputs.dataparser_scale, dtype=torch.float64)
         numbers = ("camera_to_worlds", "fx", "fy", "cx", "cy", "width", "height")
-        frame = {"transform": outputs.dataparser_transform}
-        frame["scale"] = torch.tensor(outputs.dataparser_scale)
-        return frame | {name: getattr(cameras, name).cpu() for name in numbers}
+        kept = {name: getattr(cameras, name).cpu() for name in numbers}
+        return {**kept, "transform": transform, "scale": scale}
 
     def gt_masks(self) -> list[tuple[Cameras, Path]]:
         """The camera of each training view whose distractors are known, and their mask's file."""

@@ -180,7 +180,8 @@ def _camera_type(row: dict[str, Any], name: str, path: Path) -> CameraType:
             models.add(flag.upper())
     kinds = {camera_type_of(_SYNONYMS.get(m, m), name, path): m for m in sorted(models)}
     if len(kinds) > 1:
-        raise CaptureError(f"{path} gives photo {name} two lenses: {', '.join(kinds.values())}.")
+        two = " and ".join(kinds.values())
+        raise CaptureError(f"{path} gives photo {name} two lenses, {two}. Take out the wrong one.")
     return next(iter(kinds), CameraType.PERSPECTIVE)
 
 

@@ -34,9 +34,9 @@ MOST_CHECKED = 24
 """Photos that are compared with the points where no survey is made: a second or two."""
 MASKED = "A mask leaves nothing of its photo, in {}: white is what may be used."
 BEHIND = (
-    "Points and cameras do not go together: in {} fewer than 8 points lie before the camera and "
-    "inside of the photo. Check that both are of one reconstruction, and the poses' axes (in "
-    "transforms.json y is up and -z ahead)."
+    f"Points and cameras do not go together: in {{}} fewer than {LEAST_IN_VIEW} points lie before "
+    "the camera and inside of the photo. Check that both are of one reconstruction, and the poses' "
+    "axes (in transforms.json y is up and -z ahead)."
 )
 UNLIKE = (
     "Photos and points do not go together: {} show something else at the points than the others. "

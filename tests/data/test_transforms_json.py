@@ -168,7 +168,7 @@ def test_a_fisheye_of_any_program_is_one_also_without_terms(processed: Path, hea
         ({"is_equirectangular": 1}, "EQUIRECTANGULAR"),
         ({"ftheta_p0": 0.1, "ftheta_p1": 0.2}, "FTHETA"),
         ({"camera_type": "omnidirectionalstereo_l"}, "OMNIDIRECTIONALSTEREO_L"),
-        ({"camera_model": "PINHOLE", "is_fisheye": True}, "FISHEYE, PINHOLE"),
+        ({"camera_model": "PINHOLE", "is_fisheye": True}, "FISHEYE and PINHOLE"),
         ({"k4": 0.1}, "OPENCV_FISHEYE"),
         ({"cx": 1e9}, "cannot be"),
     ],
