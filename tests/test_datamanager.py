@@ -179,8 +179,9 @@ def test_a_trained_run_and_one_that_is_asked_for_all_photos_are_warned(copy: Pat
 
 def test_a_capture_that_is_not_there_is_named_with_the_option(tmp_path: Path):
     parser = DeSplatColmapDataParserConfig(data=tmp_path / "gone")
-    with pytest.raises(CaptureError, match=r"gone.*--data"):
+    with pytest.raises(CaptureError, match=r"gone.*--data") as error:
         manager(parser)
+    assert "COLMAP" not in str(error.value)
 
 
 def test_distorted_photos_are_undistorted_as_upstream(copy: Path):

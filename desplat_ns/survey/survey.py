@@ -130,6 +130,8 @@ def mismatches(observations: Observations) -> tuple[list[str], bool]:
 def mismatch_of(capture: DataparserOutputs) -> str:
     """What makes training useless, seen in a few photos; empty if nothing does. Raises as
     `observe`."""
+    if not capture.image_filenames:
+        return ""
     said, is_mismatch = mismatches(observe(capture, MOST_CHECKED))
     return " ".join(said) if is_mismatch else ""
 
