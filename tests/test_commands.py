@@ -89,6 +89,7 @@ def test_a_run_is_evaluated_in_another_folder_than_it_was_trained_in(
 ):
     from nerfstudio.scripts import train
     from nerfstudio.scripts.eval import ComputePSNR
+    from nerfstudio.utils import writer
 
     shutil.copytree(tiny_scene.folder, tmp_path / "capture")
     monkeypatch.chdir(tmp_path)
@@ -96,6 +97,9 @@ def test_a_run_is_evaluated_in_another_folder_than_it_was_trained_in(
     config.pipeline.datamanager.dataparser.data = Path("capture")
     config.max_num_iterations = 2
     train.main(config)
+    for one in writer.EVENT_WRITERS:  # as at the end of a command
+        if isinstance(one, writer.TensorboardWriter):
+            one.tb_writer.close()
     run = tmp_path / "outputs" / "tiny" / "desplat" / "run"
     (tmp_path / "elsewhere").mkdir()
     monkeypatch.chdir(tmp_path / "elsewhere")
