@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import random
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -17,17 +19,20 @@ from nerfstudio.data.datamanagers.full_images_datamanager import (
     FullImageDatamanagerConfig,
 )
 from nerfstudio.data.dataparsers.base_dataparser import DataParserConfig, DataparserOutputs
+from nerfstudio.data.dataparsers.blender_dataparser import Blender
 from nerfstudio.data.dataparsers.colmap_dataparser import ColmapDataParserConfig
 from nerfstudio.data.dataparsers.nerfstudio_dataparser import Nerfstudio, NerfstudioDataParserConfig
 from nerfstudio.data.dataparsers.phototourism_dataparser import PhototourismDataParserConfig
+from torch import Tensor
 
-from desplat_ns.console import announce
-from desplat_ns.data.colmap import with_pycolmap
+from desplat_ns.console import announce, list_names
+from desplat_ns.data.colmap import DeSplatColmapDataParser, with_pycolmap
 from desplat_ns.data.dataset import CaptureDataset, Photo, PhotoReader
 from desplat_ns.data.gt_masks import METADATA_KEY
 from desplat_ns.data.on_the_go import on_the_go_dataparser
 from desplat_ns.data.photo_cache import SHARE, BoundedPhotos, free_memory, photo_bytes
 from desplat_ns.data.robustnerf import robustnerf_dataparser
+from desplat_ns.data.splits import in_both
 from desplat_ns.data.training_views import image_names
 from desplat_ns.data.transforms_json import TransformsDataParser
 from desplat_ns.errors import CaptureError, ConfigError
@@ -83,6 +88,12 @@ class DeSplatDataManagerConfig(FullImageDatamanagerConfig):
         check_ranges(self, "--pipeline.datamanager")
         if self.data is not None:
             self.dataparser.data = Path(self.data)  # pyright: ignore[reportAttributeAccessIssue]
+        data = self.dataparser.data
+        if not os.path.exists(data) and "data_dir" not in vars(self.dataparser):  # nuscenes' name
+            raise CaptureError(
+                f"There is no capture {data}. Put it there, or name its folder with --data, which "
+                "desplat-eval, desplat-report and desplat-export take for a trained run."
+            )
         self.dataparser = without_prompts(self.dataparser)
         return self.dataparser
 
@@ -169,12 +180,45 @@ class DeSplatDataManager(FullImageDatamanager[CaptureDataset]):
             )
         if self.test_mode != "inference":
             dataset.check_photos()
+            self._check_held_out(dataset.image_filenames)
         return dataset
+
+    def _check_held_out(self, photos: list[Path]) -> None:
+        """Raise CaptureError where photos train and are held out, for scores on the way or for
+        those of ns-eval. A trained run, `--eval-mode all`, and data parsers whose splits no file
+        of the capture decides, are warned."""
+        parser, is_training = self.dataparser, self.test_mode == "val"
+        if is_training:
+            with suppress(Exception):  # it may not be there; upstream's errors are of many kinds
+                photos = [*{*photos, *parser.get_dataparser_outputs("test").image_filenames}]
+        if not (both := in_both(self.train_dataset.image_filenames, photos)):
+            return
+        told = (
+            f"{len(both)} of {len(photos)} held-out photos of {self.get_datapath()} also train: "
+            f"{list_names(both)}. Their scores would say nothing of new views."
+        )
+        can_be_mended = isinstance(parser, DeSplatColmapDataParser | Blender)
+        if can_be_mended and is_training and getattr(parser.config, "eval_mode", "") != "all":
+            by = getattr(parser, "split_by", "transforms_train.json and those beside it")
+            raise CaptureError(f"{told} Take each out of one split; they are chosen by {by}.")
+        announce(told, warning=True)
 
     @property
     def train_image_names(self) -> list[str]:
         """Names of the training photos in the order of `train_idx`, below their common folder."""
         return image_names(self.train_dataset.image_filenames)
+
+    def remembered(self) -> dict[str, Tensor]:
+        """The training cameras, as pinholes, and the capture's frame: what a checkpoint keeps to
+        recognise the capture, and to do without it where no photo is needed."""
+        outputs, parser = self.train_dataparser_outputs, self.dataparser
+        transform, cameras = outputs.dataparser_transform, self.train_dataset.cameras
+        if isinstance(parser, DeSplatColmapDataParser):  # in float64
+            transform = parser.oriented.transform
+        scale = torch.tensor(outputs.dataparser_scale, dtype=torch.float64)
+        numbers = ("camera_to_worlds", "fx", "fy", "cx", "cy", "width", "height")
+        kept = {name: getattr(cameras, name).cpu() for name in numbers}
+        return {**kept, "transform": transform, "scale": scale}
 
     def gt_masks(self) -> list[tuple[Cameras, Path]]:
         """The camera of each training view whose distractors are known, and their mask's file."""

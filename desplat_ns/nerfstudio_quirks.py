@@ -29,6 +29,7 @@ from desplat_ns.backend.registry import rendering_device
 from desplat_ns.console import announce
 from desplat_ns.errors import ConfigError
 from desplat_ns.rendering.metrics import LazyLpips, psnr
+from desplat_ns.runs.files import found
 from desplat_ns.training.checkpoint import load_newest
 
 
@@ -202,7 +203,7 @@ def load_evaluated_checkpoints_like_resumed_ones() -> None:
     def load(config: Any, pipeline: Any) -> tuple[Path, int]:
         if not type(config).__module__.startswith("desplat_ns."):
             return upstream(config, pipeline)
-        path, state = load_newest(config.load_dir, config.load_step)
+        path, state = load_newest(found(config.load_dir), config.load_step)
         pipeline.load_pipeline(state["pipeline"], state["step"])
         return path, state["step"]
 

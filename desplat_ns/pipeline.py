@@ -29,6 +29,7 @@ from desplat_ns.nerfstudio_quirks import (
     use_ffmpeg_of_imageio,
     where_to_render,
 )
+from desplat_ns.runs.files import found
 from desplat_ns.training.resume import SceneRecord
 
 
@@ -60,6 +61,7 @@ class DeSplatPipeline(VanillaPipeline):
             if Path(sys.argv[0]).stem == "ns-render":
                 use_ffmpeg_of_imageio()
             device = where_to_render(cast(DeSplatModelConfig, config.model).backend, device)
+            config.datamanager.data = config.datamanager.data and found(config.datamanager.data)
         if torch.device(device).type == "cpu":
             leave_cores_to_others()
         super().__init__(config, str(device), test_mode, **kwargs)
@@ -150,8 +152,9 @@ class DeSplatPipeline(VanillaPipeline):
 
     def scene_record(self) -> SceneRecord:
         """What a checkpoint of this pipeline belongs to."""
-        model, names = self._model, self.datamanager.train_image_names
-        return SceneRecord(asdict(model.effects), model.config.sh_degree, names)
+        model, manager = self._model, self.datamanager
+        effects, degree = asdict(model.effects), model.config.sh_degree
+        return SceneRecord(effects, degree, manager.train_image_names, manager.remembered())
 
     def get_extra_state(self) -> dict[str, Any]:
         """The scene record, for the checkpoint."""

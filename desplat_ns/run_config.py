@@ -20,7 +20,7 @@ from desplat_ns.nerfstudio_quirks import write_enumerations_by_value
 from desplat_ns.settings.effects import Effects
 from desplat_ns.settings.options import check_ranges, ranged
 from desplat_ns.survey.findings import Survey
-from desplat_ns.survey.survey import decided_effects
+from desplat_ns.survey.survey import decided_effects, mismatch_of, refuse_mismatch
 from desplat_ns.training.checkpoint import checkpoint_folder, load_checkpoint, load_newest
 from desplat_ns.training.resume import SceneRecord
 from desplat_ns.training.schedule import (
@@ -52,6 +52,9 @@ class RunConfig(TrainerConfig):
     """Visits of each photo, steps over photos, for which the learning rates are meant; fewer than
     40 photos count as 40. A run with fewer visits multiplies the rates of the static Gaussians, by
     4 at most; 0: they are as they are given."""
+    accept_mismatch: bool = False
+    """Train also where most photos show something else at the points than the others do, or masks
+    leave nothing of most."""
     budget: str = ""
     """Wall time for the run, for example 10min: start-up, training and saving. The first steps are
     timed, and decide how many there will be, at most `max_num_iterations`, and how large photos
@@ -78,12 +81,18 @@ class RunConfig(TrainerConfig):
             )
 
     def write_config(self) -> None:
-        """Write config.yml with all that was settled: ns-eval has no trainer to do it.
+        """Write config.yml with all that was settled: ns-eval has no trainer to do it. Paths are
+        absolute: it may be started in another folder.
 
         The trainer calls it once the run is set up. A command that fails before that leaves nothing
         behind, and does not overwrite the config.yml of an earlier run.
         """
         write_enumerations_by_value()
+        manager = self.pipeline.datamanager
+        for config in (self, manager, getattr(manager, "dataparser", None)):
+            for name in ("data", "output_dir", "load_dir", "load_checkpoint"):
+                if isinstance(path := getattr(config, name, None), Path):
+                    setattr(config, name, path.absolute())
         super().save_config()
 
     def setup(self, **kwargs: Any) -> Any:
@@ -127,18 +136,21 @@ class RunConfig(TrainerConfig):
             The survey's findings, if there was one.
 
         Raises:
-            CaptureError: photos that cannot be surveyed.
+            CaptureError: photos that cannot be surveyed, or most of which do not go with the
+                points, in a run that does not go on from another.
         """
-        model = self.pipeline.model
-        if not (isinstance(model, DeSplatModelConfig) and model.effects.auto):
-            return None
-        if saved is not None:
+        model: Any = self.pipeline.model
+        findings = None
+        is_auto = isinstance(model, DeSplatModelConfig) and model.effects.auto
+        if saved is not None and is_auto:
             record = SceneRecord.from_state(saved[1]["pipeline"].get("_extra_state"))
             model.effects = model.effects.decided(Effects(**record.effects))
-        elif model.effects.is_open:
-            model.effects, findings = decided_effects(model.effects, capture())
-            return findings
-        return None
+        elif is_auto and model.effects.is_open:
+            accept = self.accept_mismatch
+            model.effects, findings = decided_effects(model.effects, capture(), accept)
+        elif saved is None and not self.accept_mismatch:
+            refuse_mismatch(mismatch_of(capture()))
+        return findings
 
     def settle_length(self, capture: Capture) -> None:
         """Where no number of steps is given, as many as the photos of a capture ask for, or with a

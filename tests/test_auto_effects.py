@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import yaml
 
-from desplat_ns.errors import ConfigError
+from desplat_ns.data.images import read_image
+from desplat_ns.errors import CaptureError, ConfigError
 from desplat_ns.runs.files import SURVEY
 from desplat_ns.settings.effects import Effects, EffectsConfig
+from lab.pictures import write_image
 from lab.synthetic import Scene, write_scene
 from tests.helpers.registered import EIGHT_VIEWS, registered_desplat, set_up
 
@@ -71,6 +75,23 @@ def test_a_resumed_run_keeps_the_effects_of_its_checkpoint(scene, tmp_path):
     assert not trainer.pipeline.model.effects.distractors
     assert not (second.get_base_dir() / SURVEY).exists()
     assert saved_effects(second).appearance == "camera"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("auto", [True, False])
+def test_photos_that_do_not_go_with_the_points_train_only_where_that_is_accepted(
+    scene, tmp_path, auto: bool
+):
+    turned = Path(shutil.copytree(scene.folder, tmp_path / "turned"))
+    for path in (turned / "images").iterdir():
+        write_image(path, np.ascontiguousarray(read_image(path)[::-1, ::-1]))
+    config = auto_run(scene, tmp_path / "runs", auto=auto)
+    config.pipeline.datamanager.dataparser.data = turned
+    with pytest.raises(CaptureError, match="--accept-mismatch True"):
+        set_up(config)
+    assert not config.output_dir.exists()
+    config.accept_mismatch = True
+    set_up(config)
 
 
 def test_without_a_survey_nothing_is_guessed():

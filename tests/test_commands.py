@@ -84,6 +84,34 @@ def test_ns_eval_writes_every_figure(trained: Path, tmp_path: Path, checkpoint: 
     assert len(list((tmp_path / "pictures").glob("*.png"))) == NUM_TEST
 
 
+def test_a_run_is_evaluated_in_another_folder_than_it_was_trained_in(
+    tiny_run, tiny_scene, tmp_path: Path, monkeypatch
+):
+    from nerfstudio.scripts import train
+    from nerfstudio.scripts.eval import ComputePSNR
+    from nerfstudio.utils import writer
+
+    shutil.copytree(tiny_scene.folder, tmp_path / "capture")
+    monkeypatch.chdir(tmp_path)
+    config = tiny_run(Path("outputs"))
+    config.pipeline.datamanager.dataparser.data = Path("capture")
+    config.max_num_iterations = 2
+    train.main(config)
+    for one in writer.EVENT_WRITERS:  # as at the end of a command
+        if isinstance(one, writer.TensorboardWriter):
+            one.tb_writer.close()
+    run = tmp_path / "outputs" / "tiny" / "desplat" / "run"
+    (tmp_path / "elsewhere").mkdir()
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    ComputePSNR(run / "config.yml", Path("there.json")).main()
+    new = tmp_path / "elsewhere"
+    for name in ("outputs", "capture"):  # the run and its capture, moved together
+        (tmp_path / name).rename(new / name)
+    ComputePSNR(new / run.relative_to(tmp_path) / "config.yml", Path("moved.json")).main()
+    there, moved = (json.loads(Path(f"{name}.json").read_text()) for name in ("there", "moved"))
+    assert there["results"]["psnr"] == moved["results"]["psnr"]
+
+
 def test_a_run_from_a_gpu_machine_is_evaluated_without_one(trained: Path, tmp_path: Path):
     from nerfstudio.scripts.eval import ComputePSNR
 

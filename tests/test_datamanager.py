@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -13,12 +15,14 @@ import PIL.Image  # noqa: F401
 import pycolmap
 import pytest
 import torch
+from nerfstudio.data.dataparsers.blender_dataparser import BlenderDataParserConfig
 from nerfstudio.data.dataparsers.colmap_dataparser import ColmapDataParserConfig
 from nerfstudio.data.dataparsers.nerfstudio_dataparser import NerfstudioDataParserConfig
 from nerfstudio.data.dataparsers.phototourism_dataparser import PhototourismDataParserConfig
 
 from desplat_ns.data.colmap import DeSplatColmapDataParserConfig
 from desplat_ns.data.dataset import CaptureDataset
+from desplat_ns.data.on_the_go import OnTheGoDataParserConfig
 from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
 from desplat_ns.data.transforms_json import TransformsDataParser
 from desplat_ns.datamanager import DeSplatDataManager, DeSplatDataManagerConfig, without_prompts
@@ -131,6 +135,77 @@ def test_no_evaluation_photo_is_an_error(copy: Path):
     (copy / "transforms.json").write_text(json.dumps(meta))
     with pytest.raises(CaptureError, match="--eval-mode"):
         manager(NerfstudioDataParserConfig(data=copy, train_split_fraction=1.0))
+
+
+def write_transforms(folder: Path, names: list[str], **head) -> None:
+    frames = [
+        {"file_path": f"images/{name}", "transform_matrix": shifted(float(i)).tolist()}
+        for i, name in enumerate(names)
+    ]
+    meta = {"fl_x": 50, "fl_y": 50, "cx": 24, "cy": 16, "w": 48, "h": 32, "frames": frames}
+    (folder / "transforms.json").write_text(json.dumps(meta | head))
+
+
+def held_out_and_trained(copy: Path, kind: str) -> Any:
+    """A capture of which clutter_0001.png, or its bytes, is in both splits."""
+    names = sorted(path.name for path in (copy / "images").glob("clutter_*"))
+    extra = next((copy / "images").glob("extra_*"))
+    if kind in ("lists", "test list only"):
+        (copy / "train_list.txt").write_text("\n".join(names))
+        (copy / "test_list.txt").write_text(f"{extra.name}\n{names[0]}")
+        if kind == "test list only":
+            (copy / "val_list.txt").write_text(extra.name)
+        return DeSplatColmapDataParserConfig(data=copy)
+    if kind in ("copy", "link"):
+        extra.unlink()
+        (shutil.copy if kind == "copy" else os.symlink)(copy / "images" / names[0], extra)
+        return RobustNerfDataParserConfig(data=copy)
+    if kind == "split.json":
+        write_transforms(copy, names)
+        (copy / "split.json").write_text('{"clutter": [0, 1, 2, 3], "extra": [0]}')
+        return OnTheGoDataParserConfig(data=copy, colmap_path=Path("none"))
+    if kind == "transforms lists":
+        lists = {"train_filenames": names, "test_filenames": [names[0]]}
+        lists = {key: [f"./images/{name}" for name in value] for key, value in lists.items()}
+        write_transforms(copy, names, **lists, val_filenames=[f"images/{names[0]}"])
+        return NerfstudioDataParserConfig(data=copy)
+    if kind == "frame twice":
+        write_transforms(copy, [*names, names[0]])
+        return NerfstudioDataParserConfig(data=copy, eval_mode="interval", eval_interval=7)
+    for split, listed in (("train", names), ("val", [extra.name]), ("test", names[:1])):
+        frames = [
+            {"file_path": f"images/{name[:-4]}", "transform_matrix": shifted(i).tolist()}
+            for i, name in enumerate(listed)
+        ]
+        meta = json.dumps({"camera_angle_x": 0.9, "frames": frames})
+        (copy / f"transforms_{split}.json").write_text(meta)
+    return BlenderDataParserConfig(data=copy)
+
+
+KINDS = ("lists", "test list only", "copy", "link", "split.json", "transforms lists", "frame twice")
+
+
+@pytest.mark.parametrize("kind", [*KINDS, "blender"])
+def test_photos_that_train_and_are_held_out_are_refused_whatever_lists_them(copy: Path, kind: str):
+    parser = held_out_and_trained(copy, kind)
+    with pytest.raises(CaptureError, match=r"1 of \d held-out .*clutter_0001\.png"):
+        manager(parser)
+
+
+def test_a_trained_run_and_one_that_is_asked_for_all_photos_are_warned(copy: Path, capsys):
+    manager(held_out_and_trained(copy, "lists"), test_mode="test")
+    assert "1 of 2 held-out photos" in capsys.readouterr().out
+    (copy / "train_list.txt").unlink()
+    (copy / "test_list.txt").unlink()
+    manager(DeSplatColmapDataParserConfig(data=copy, eval_mode="all"))
+    assert "14 of 14 held-out photos" in capsys.readouterr().out
+
+
+def test_a_capture_that_is_not_there_is_named_with_the_option(tmp_path: Path):
+    parser = DeSplatColmapDataParserConfig(data=tmp_path / "gone")
+    with pytest.raises(CaptureError, match=r"gone.*--data") as error:
+        manager(parser)
+    assert "COLMAP" not in str(error.value)
 
 
 def test_distorted_photos_are_undistorted_as_upstream(copy: Path):

@@ -43,6 +43,9 @@ class KnownManager:
     shown: Any = None
     """What the model renders of a held-out photo."""
 
+    def remembered(self) -> dict[str, torch.Tensor]:
+        return {"camera_to_worlds": self.train_dataset.cameras.camera_to_worlds}
+
     def gt_masks(self) -> list[tuple[Cameras, Path]]:
         return [(numbered()[i : i + 1], path) for i, path in enumerate(self.masks)]
 
@@ -269,6 +272,30 @@ def test_a_checkpoint_of_another_scene_or_of_other_settings_changes_nothing_and_
     with pytest.raises(CheckpointError, match=named):
         pipeline.load_pipeline(saved(**changes), 7)
     assert pipeline.model.step == 0 and not (pipeline.model.means == 1).any()
+
+
+def moved(by: float) -> KnownManager:
+    """The second training camera stands elsewhere."""
+    views = numbered()
+    views.camera_to_worlds = views.camera_to_worlds.clone()
+    views.camera_to_worlds[1, 0, 3] += by
+    return KnownManager(train_dataset=SimpleNamespace(cameras=views))
+
+
+def test_a_capture_whose_poses_are_others_is_refused_and_rounding_is_not():
+    pipeline = known_pipeline(moved(0.1))
+    with pytest.raises(CheckpointError, match=r"1 of 3 photos.*b\.png.*train anew"):
+        pipeline.load_pipeline(saved(), 7)
+    assert pipeline.model.step == 0
+    known_pipeline(moved(1e-6)).load_pipeline(saved(), 7)
+
+
+def test_a_checkpoint_that_remembers_no_poses_is_loaded():
+    state = saved()
+    del state["_extra_state"]["cameras"]
+    pipeline = known_pipeline(moved(0.1))
+    pipeline.load_pipeline(state, 7)
+    assert pipeline.model.step == 7
 
 
 MEANS = "_model.gauss_params.means"

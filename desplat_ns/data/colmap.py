@@ -22,7 +22,13 @@ from desplat_ns.console import announce_once, list_names
 from desplat_ns.data.downscale import PhotoSource, downscale_factor, photo_sources
 from desplat_ns.data.gt_masks import gt_masks
 from desplat_ns.data.photo_files import check_files
-from desplat_ns.data.poses import OrientedPoses, make_cameras, orient_poses, points_metadata
+from desplat_ns.data.poses import (
+    OrientedPoses,
+    make_cameras,
+    orient_poses,
+    points_metadata,
+    without_far_photos,
+)
 from desplat_ns.data.reconstruction import Frame, Reconstruction, read_reconstruction
 from desplat_ns.data.splits import Lists, listed_photos, read_list_files
 from desplat_ns.errors import CaptureError
@@ -96,7 +102,7 @@ class DeSplatColmapDataParser(ColmapDataParser):
         Raises:
             CaptureError: see `read`; or no points.
         """
-        model = self.read()
+        model = without_far_photos(self.read())
         if self.config.load_3D_points:
             is_finite = np.isfinite(model.points.xyz).all(axis=1)
             if not is_finite.any() and (len(is_finite) or not model.is_upright):
@@ -145,6 +151,13 @@ class DeSplatColmapDataParser(ColmapDataParser):
             short = [folder / Path(frame.name).with_suffix(".png") for frame in frames]
             named = [a if a.is_file() else b for a, b in zip(whole, short, strict=True)]
         elif all(frame.mask is None for frame in frames):
+            if (folder / "masks").is_dir() and self.config.distractor_masks_path is None:
+                if not self.reconstruction.is_upright:
+                    option = "`colmap --masks-path masks` at the end of the command"
+                announce_once(
+                    f"{folder / 'masks'} is not used. If white is what may be used there, add "
+                    f"{option}."
+                )
             return None
         check_files(named, folder, "masks", option)
         return named
@@ -163,7 +176,8 @@ class DeSplatColmapDataParser(ColmapDataParser):
         data, names = self.config.data, [frame.name for frame in self.reconstruction.frames]
         picked, why = [], ""
         if lists := self.lists(names):
-            picked = listed_photos(names, lists.get(split, ()), data)
+            instead = {"val": "test", "test": "val"}.get(split, split)
+            picked = listed_photos(names, lists.get(split) or lists.get(instead, ()), data)
         else:
             try:
                 picked = [int(i) for i in self._get_image_indices([*map(Path, names)], split)]

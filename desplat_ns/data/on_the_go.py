@@ -22,7 +22,7 @@ from desplat_ns.data.colmap import DeSplatColmapDataParser, OwnSplitConfig
 from desplat_ns.data.colmap_model import find_models
 from desplat_ns.data.photo_files import photo_names
 from desplat_ns.data.reconstruction import Reconstruction
-from desplat_ns.data.splits import Lists, two_lists
+from desplat_ns.data.splits import Lists
 from desplat_ns.data.transforms_json import read_transforms
 from desplat_ns.errors import CaptureError
 
@@ -55,7 +55,7 @@ class OnTheGoDataParser(DeSplatColmapDataParser):
                 "the split.json that belongs to this scene."
             )
         train, held_out = ([ordered[i] for i in positions[kind]] for kind in ("clutter", "extra"))
-        return two_lists(train, held_out, path)
+        return {"train": train, "test": held_out}
 
     def read(self) -> Reconstruction:
         """The COLMAP model, else transforms.json. Raises as their readers."""

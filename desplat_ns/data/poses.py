@@ -6,7 +6,7 @@ Letters in shapes: n photos.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -17,10 +17,15 @@ from nerfstudio.cameras.cameras import Cameras
 from nerfstudio.data.dataparsers.colmap_dataparser import ColmapDataParserConfig
 from torch import Tensor
 
-from desplat_ns.console import announce_once
+from desplat_ns.console import announce_once, list_names
 from desplat_ns.data.downscale import PhotoSource
 from desplat_ns.data.reconstruction import TRACKS, Frame, Reconstruction, Tracks
 from desplat_ns.errors import CaptureError
+
+FAR = 30
+"""Median distances from the middle of all cameras; ten captures reach 2.9, and one in a line 2."""
+LEAST_SHOWN, LEAST_FILLED = 8, 0.1
+"""Points, and the part of a photo's width or height, by which a camera far off is right."""
 
 
 @dataclass(frozen=True)
@@ -66,6 +71,42 @@ def orient_poses(known: Reconstruction, config: ColmapDataParserConfig) -> Orien
     transform = transform.double() @ torch.from_numpy(applied)
     transform[:, 3] -= transform[:, :3] @ torch.from_numpy(middle)
     return OrientedPoses(poses[:, :3, :4], transform, scale)
+
+
+def without_far_photos(known: Reconstruction) -> Reconstruction:
+    """The same without photos whose poses must be wrong, of which it is said which: the scene is
+    scaled by its farthest camera.
+
+    Such a camera is `FAR` times as far from the middle of all cameras as the median one, and points
+    do not fill `LEAST_FILLED` of its photo. Where there are no points, less than a quarter go.
+    """
+    frames, xyz = known.frames, known.points.xyz
+    centres = camera_to_worlds(frames)[:, :3, 3]
+    off = np.linalg.norm(centres - np.median(centres, axis=0), axis=1)
+    usual = np.median(off)
+    far = [frames[i] for i in np.flatnonzero(off > FAR * usual) if not _shows(frames[i], xyz)]
+    if not far or usual == 0 or (len(xyz) == 0 and 4 * len(far) >= len(frames)):
+        return known
+    announce_once(
+        f"{len(far)} of {len(frames)} photos in {known.folder} are left out. Their cameras are "
+        f"{FAR} times and more as far off as the others are and show nothing of the points: their "
+        f"poses must be wrong. They are {list_names(frame.name for frame in far)}.",
+        warning=True,
+    )
+    ids = {frame.image_id for frame in far}
+    return replace(known, frames=[frame for frame in frames if frame.image_id not in ids])
+
+
+def _shows(frame: Frame, xyz: Float[np.ndarray, "P 3"]) -> bool:
+    """Whether points fill a part of a photo, without the outermost, as a pinhole would show it."""
+    x, y, depth = frame.world_to_camera @ np.concatenate([xyz.T, np.ones((1, len(xyz)))])
+    lens, sides = frame.intrinsics, [[frame.width], [frame.height]]
+    with np.errstate(all="ignore"):
+        at = np.stack([lens["fx"] * x, lens["fy"] * y]) / depth + [[lens["cx"]], [lens["cy"]]]
+    at = at[:, (depth > 0) & (at > 0).all(axis=0) & (at < sides).all(axis=0)] / sides
+    if at.shape[1] < LEAST_SHOWN:
+        return False
+    return bool(np.ptp(np.quantile(at, (0.1, 0.9), axis=1), axis=0).max() > LEAST_FILLED)
 
 
 def camera_to_worlds(frames: Sequence[Frame]) -> Float[np.ndarray, "n 4 4"]:

@@ -181,7 +181,9 @@ def camera_type_of(model: str, photo: str, source: Path) -> CameraType:
         raise CaptureError(
             f"The camera of photo {photo} in {source} has the model {model}; supported are "
             f"{', '.join(CAMERA_MODELS + FISHEYE_MODELS)}. Undistort the photos first: `colmap "
-            "image_undistorter --image_path IMAGES --input_path MODEL --output_path OUT`."
+            "image_undistorter --image_path IMAGES --input_path MODEL --output_path OUT`; of "
+            "panoramas make perspective photos (`ns-process-data images --camera-type "
+            "equirectangular`)."
         )
     return CameraType.FISHEYE if model in FISHEYE_MODELS else CameraType.PERSPECTIVE
 

@@ -15,7 +15,7 @@ from pathlib import Path
 from nerfstudio.plugins.registry_dataparser import DataParserSpecification
 
 from desplat_ns.data.colmap import DeSplatColmapDataParser, OwnSplitConfig
-from desplat_ns.data.splits import Lists, shuffled, two_lists
+from desplat_ns.data.splits import Lists, shuffled
 from desplat_ns.settings.options import ranged
 
 
@@ -41,7 +41,7 @@ class RobustNerfDataParser(DeSplatColmapDataParser):
         """Each photo by what its name says."""
         config = self.config
         train = names_by_ratio(names, config.train_split_clean_clutter_ratio, config.seed)
-        return two_lists(train, [name for name in names if kind_of(name) == "extra"], config.data)
+        return {"train": train, "test": [name for name in names if kind_of(name) == "extra"]}
 
 
 def kind_of(name: str) -> str:

@@ -6,47 +6,50 @@ among the photos that have a pose.
 
 from __future__ import annotations
 
+import os
 import random
 from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
+from hashlib import blake2b
 from pathlib import Path, PurePosixPath
+from typing import Any
 
 from desplat_ns.console import announce_once, list_names
-from desplat_ns.errors import CaptureError
 
 Lists = Mapping[str, Sequence[str]]
-"""Photos by split (train, val, test): paths inside the images folder, or file names."""
-
-LIST_FILES = {
-    "train": ("train",),
-    "val": ("val", "validation", "test"),
-    "test": ("test", "val", "validation"),
-}
-"""Which `<name>_list.txt` says which photos a split has: the first that is there."""
+"""Photos by split (train, val, test): paths inside the images folder, or file names. Without val
+it is test, and without test val."""
 
 
-def two_lists(train: Sequence[str], held_out: Sequence[str], source: Path | str) -> Lists:
-    """Photos that train, and photos that are held out, for val and for test.
+def in_both(train: Sequence[Path], held_out: Sequence[Path]) -> list[str]:
+    """Held-out photos that also train, under whatever name: files with the same bytes. Whole files
+    are read only where sizes and beginnings are the same."""
+    keys: list[dict[Path, Any]] = [
+        dict.fromkeys(filter(Path.is_file, s)) for s in (train, held_out)
+    ]
+    for key in (os.path.getsize, partial(_digest, most=1 << 16), _digest):
+        keys = [{path: key(path) for path in side} for side in keys]
+        both = {*keys[0].values()} & {*keys[1].values()}
+        keys = [{path: k for path, k in side.items() if k in both} for side in keys]
+    twins = {k: path.name for path, k in keys[0].items()}
+    names = {path.name: twins[k] for path, k in keys[1].items()}
+    return sorted(n if n == twin else f"{n} (as {twin})" for n, twin in names.items())
 
-    Raises:
-        CaptureError: names the photos that `source` has in both lists.
-    """
-    if both := {*train} & {*held_out}:
-        raise CaptureError(
-            f"{source} lists {len(both)} photos to train on and to hold out, too: "
-            f"{list_names(sorted(both))}. Take each out of one list."
-        )
-    return {"train": train, "val": held_out, "test": held_out}
+
+def _digest(path: Path, most: int = -1) -> bytes:
+    with path.open("rb") as file:
+        return blake2b(file.read(most)).digest()
 
 
 def read_list_files(data: Path) -> Lists:
-    """What `train_list.txt`, `test_list.txt` and their like in a capture say, a name in each line;
-    empty without such files."""
+    """What `train_list.txt`, `test_list.txt` and `val_list.txt`, or `validation_list.txt`, in a
+    capture say, a name in each line; empty without such files."""
     lists: dict[str, list[str]] = {}
-    for split, names in LIST_FILES.items():
-        for path in (data / f"{name}_list.txt" for name in names):
-            if split not in lists and path.is_file():
-                lines = path.read_text("utf-8-sig", errors="replace").splitlines()
-                lists[split] = [line.strip() for line in lines if line.strip()]
+    for name in ("train", "test", "validation", "val"):
+        if (path := data / f"{name}_list.txt").is_file():
+            lines = path.read_text("utf-8-sig", errors="replace").splitlines()
+            split = "val" if name == "validation" else name
+            lists[split] = [line.strip() for line in lines if line.strip()]
     return lists
 
 

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 from jaxtyping import Float
+from nerfstudio.cameras.cameras import CameraType
 from nerfstudio.data.dataparsers.nerfstudio_dataparser import NerfstudioDataParserConfig
 
 from desplat_ns.console import announce_once
@@ -36,6 +37,12 @@ MODEL = Path("colmap/sparse/0")
 """Where ns-process-data leaves COLMAP's model."""
 
 _LENS = ("k1", "k2", "k3", "k4", "p1", "p2")
+
+_SYNONYMS = {"PERSPECTIVE": "OPENCV", "FISHEYE": "OPENCV_FISHEYE"}
+"""nerfstudio's and instant-ngp's names of lenses to COLMAP's."""
+
+_FLAGS = ("fisheye", "ftheta", "latlong", "equirectangular", "panorama", "orthographic")
+"""Lenses in names of keys, as instant-ngp's `is_fisheye`, `latlong`, `ftheta_p0`."""
 
 
 class TransformsDataParser(DeSplatColmapDataParser):
@@ -135,13 +142,12 @@ def _frame(row: dict[str, Any], number: int, path: Path) -> Frame:
             focal[axis] = side / 2 / math.tan(float(row[f"camera_angle_{axis}"]) / 2)
     lens = dict(zip(_LENS, row.get("distortion_params") or (), strict=False))
     lens |= {key: row[key] for key in _LENS if key in row and not lens}
-    model = row.get("camera_model", "OPENCV_FISHEYE" if row.get("is_fisheye") else "OPENCV")
     mask = row.get("mask_path") or row.get("mask_filename")
     frame = Frame(
         name=name,
         image_id=number,
         world_to_camera=np.linalg.inv(pose)[:3],
-        camera_type=camera_type_of(model, name, path),
+        camera_type=_camera_type(row, name, path),
         width=width,
         height=height,
         intrinsics={
@@ -155,6 +161,24 @@ def _frame(row: dict[str, Any], number: int, path: Path) -> Frame:
     )
     check_frame(frame, path)
     return frame
+
+
+def _camera_type(row: dict[str, Any], name: str, path: Path) -> CameraType:
+    """By all names of its lens in a frame; a perspective one where there are none.
+
+    Raises:
+        CaptureError: a lens that is not supported, or two of different kinds.
+    """
+    models = {str(row[key]).upper() for key in ("camera_model", "camera_type") if row.get(key)}
+    for key, value in row.items():
+        flag = key.lower().removeprefix("is_").partition("_")[0]
+        if flag in _FLAGS and value and str(value).lower() != "false":
+            models.add(flag.upper())
+    kinds = {camera_type_of(_SYNONYMS.get(m, m), name, path): m for m in sorted(models)}
+    if len(kinds) > 1:
+        two = " and ".join(kinds.values())
+        raise CaptureError(f"{path} gives photo {name} two lenses, {two}. Take out the wrong one.")
+    return next(iter(kinds), CameraType.PERSPECTIVE)
 
 
 def _points(cloud: Path | None, folder: Path, to_world: Float[np.ndarray, "4 4"]) -> Points:

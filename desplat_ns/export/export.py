@@ -15,7 +15,6 @@ from torch import Tensor
 
 from desplat_ns.backend.protocol import Rendering, View
 from desplat_ns.console import announce, progress_over
-from desplat_ns.data.colmap import DeSplatColmapDataParser
 from desplat_ns.errors import ConfigError
 from desplat_ns.export.formats import UPRIGHT, Frame, Naming, format_of
 from desplat_ns.export.gltf import glb_bytes
@@ -59,13 +58,11 @@ def export_splats(
     Arguments as of `desplat-export splats`. Raises as `load_run`, `static_cloud`.
     """
     ending = format_of(output)
-    pipeline = load_run(files).pipeline
+    pipeline = load_run(files, needs_photos=False).pipeline
     cloud, _ = static_cloud(pipeline, crop, light)
-    parser, outputs = pipeline.datamanager.dataparser, pipeline.datamanager.train_dataparser_outputs
-    transform = outputs.dataparser_transform
-    if isinstance(parser, DeSplatColmapDataParser):
-        transform = parser.oriented.transform  # in float64
-    to_file = similarity_to(frame, transform.numpy(), outputs.dataparser_scale, UPRIGHT[ending])
+    known = pipeline.datamanager.remembered()
+    transform, scale = known["transform"].numpy(), float(known["scale"])
+    to_file = similarity_to(frame, transform, scale, UPRIGHT[ending])
     cloud, left_out = moved(cloud, to_file), []
     if frame == "capture":
         cloud = near_zero(cloud)

@@ -13,7 +13,7 @@ from contextlib import suppress
 from pathlib import Path, PurePosixPath
 
 from desplat_ns.console import list_names
-from desplat_ns.data.splits import Lists, shuffled, two_lists
+from desplat_ns.data.splits import Lists, shuffled
 from desplat_ns.errors import CaptureError
 
 COLUMNS = ("filename", "id", "split")
@@ -57,7 +57,7 @@ def read_split_file(path: Path) -> Lists:
     """The photos that a split file lists. Rows without an id or a file name do not count.
 
     Raises:
-        CaptureError: as `read_rows`; a split that is neither train nor test; a photo that has both.
+        CaptureError: as `read_rows`; a split that is neither train nor test.
     """
     listed: dict[str, list[str]] = {"train": [], "test": []}
     for row in read_rows(path):
@@ -70,7 +70,7 @@ def read_split_file(path: Path) -> Lists:
                 "must be train or test. To leave a photo out, delete its row."
             )
         listed[split].append(PurePosixPath(row["filename"]).as_posix())
-    return two_lists(listed["train"], listed["test"], path)
+    return listed
 
 
 def read_rows(path: Path) -> list[dict[str, str]]:
@@ -101,4 +101,4 @@ def draw_split(names: Sequence[str], test_fraction: float, seed: int) -> Lists:
     """
     num_test = min(max(1, round(test_fraction * len(names))), len(names) - 1)
     drawn = shuffled(names, seed)
-    return two_lists(drawn[num_test:], drawn[:num_test], "the draw")
+    return {"train": drawn[num_test:], "test": drawn[:num_test]}

@@ -29,6 +29,13 @@ class RunFiles:
         return self.config.parent
 
 
+def found(path: Path) -> Path:
+    """A path of config.yml, or where nothing is there, its longest end that is there in the working
+    folder: a run and its capture may have been moved together."""
+    ends = (Path(*path.parts[first:]) for first in range(1, len(path.parts)))
+    return path if path.exists() else next((end for end in ends if end.exists()), path)
+
+
 def find_run(config: Path, data: Path | None = None) -> RunFiles:
     """The files of the run that a config.yml belongs to; checkpoints lie in a folder beside it,
     wherever the run's folder was moved.

@@ -5,11 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, is_dataclass
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import torch
 import yaml
+from nerfstudio.cameras.cameras import Cameras
+from nerfstudio.data.dataparsers.base_dataparser import DataParserConfig, DataparserOutputs
 from nerfstudio.utils import eval_utils
 
 from desplat_ns.errors import ConfigError
@@ -17,6 +20,8 @@ from desplat_ns.nerfstudio_quirks import read_only_configurations
 from desplat_ns.pipeline import DeSplatPipeline
 from desplat_ns.run_config import RunConfig
 from desplat_ns.runs.files import RunFiles
+from desplat_ns.training.checkpoint import load_newest
+from desplat_ns.training.resume import SceneRecord
 
 
 @dataclass(frozen=True)
@@ -31,13 +36,30 @@ class LoadedRun:
     """Done."""
 
 
+def _remembered(record: SceneRecord) -> DataParserConfig:
+    """What a checkpoint keeps of its capture: no photos, no points, no held-out views."""
+    numbers: dict[str, Any] = dict(record.cameras or {})
+    outputs = DataparserOutputs(
+        image_filenames=[Path(name) for name in record.train_images],
+        dataparser_transform=numbers.pop("transform"),
+        dataparser_scale=float(numbers.pop("scale")),
+        cameras=Cameras(**numbers),
+    )
+    parser: Any = SimpleNamespace(includes_time=False, get_dataparser_outputs=lambda **_: outputs)
+    return DataParserConfig(lambda _: parser, Path())  # pyright: ignore[reportArgumentType]
+
+
 def load_run(
-    files: RunFiles, change: Callable[[RunConfig], RunConfig] = lambda config: config
+    files: RunFiles,
+    change: Callable[[RunConfig], RunConfig] = lambda config: config,
+    needs_photos: bool = True,
 ) -> LoadedRun:
     """Load a run as nerfstudio's `eval_setup` does.
 
     Args:
         change: of its configuration, before the pipeline is made.
+        needs_photos: without them the training cameras are those of the checkpoint, if it has them,
+            and the capture is not looked for.
 
     Raises:
         CaptureError: its capture cannot be read any more.
@@ -52,8 +74,14 @@ def load_run(
             config.pipeline.datamanager.data = files.data
         config = change(config)
         config.load_dir = config.get_checkpoint_dir()
-        device = "cuda" if torch.cuda.is_available() else "cpu"
-        pipeline: Any = config.pipeline.setup(device=torch.device(device), test_mode="test")
+        device, mode = "cuda" if torch.cuda.is_available() else "cpu", "test"
+        if not needs_photos:
+            state = load_newest(files.checkpoints)[1]["pipeline"]
+            record = SceneRecord.from_state(state.get("_extra_state"))
+            if record.cameras:
+                mode, manager = "inference", config.pipeline.datamanager
+                manager.data, manager.dataparser = None, _remembered(record)
+        pipeline: Any = config.pipeline.setup(device=torch.device(device), test_mode=mode)
     except (yaml.YAMLError, AttributeError, KeyError) as error:
         if isinstance(error, AttributeError) and not is_dataclass(error.obj):
             raise  # not of what config.yml holds

@@ -67,6 +67,8 @@ class Survey:
     num_points: int
     """At which colours were compared."""
     notes: tuple[str, ...] = ()
+    mismatch: str = ""
+    """What makes training useless: see `mismatches`."""
 
     @property
     def findings(self) -> tuple[Finding, Finding]:

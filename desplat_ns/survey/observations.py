@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -180,11 +181,13 @@ class Observations:
     """All points, for what lies behind."""
     num_in_view: Int[np.ndarray, " V"]
     """How many of all points lie before each photo's camera and inside of the photo."""
+    names: list[str]
+    """Of the photos' files."""
 
 
-def observe(capture: DataparserOutputs) -> Observations:
+def observe(capture: DataparserOutputs, most: int = MOST_PHOTOS) -> Observations:
     """Read a split's photos as they are on disk, as many at once as there are cores, and sample
-    them at its points.
+    them at its points; of more than `most` photos so many, evenly spread.
 
     Raises:
         CaptureError: a photo or mask that cannot be read, or does not fit its camera.
@@ -192,7 +195,7 @@ def observe(capture: DataparserOutputs) -> Observations:
     photos, tracks = capture.image_filenames, capture.metadata.get(TRACKS)
     given = capture.metadata.get("points3D_xyz")
     all_xyz = np.zeros((0, 3)) if given is None else given.double().cpu().numpy()
-    count = min(len(photos), MOST_PHOTOS)
+    count = min(len(photos), most)
     indices = np.linspace(0, len(photos) - 1, count).round().astype(int).tolist()
     views = [small_view(capture.cameras, index) for index in indices]
     with ThreadPoolExecutor(min(MOST_READERS, cores())) as pool:
@@ -226,6 +229,7 @@ def observe(capture: DataparserOutputs) -> Observations:
         has_tracks=tracks is not None,
         all_xyz=all_xyz,
         num_in_view=np.sum(in_view, axis=1),
+        names=[Path(photos[index]).name for index in indices],
     )
 
 

@@ -9,8 +9,13 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 import torch
+from torch import Tensor
 
 from desplat_ns.errors import CheckpointError
+
+POSE_TOLERANCE = 1e-4
+"""Of the scene's size: a tenth of a pixel in a photo of 1000. Processors round by less: poses are
+sums over all photos, in float32, so by 6e-8 for each at most."""
 
 
 @dataclass(frozen=True)
@@ -24,6 +29,8 @@ class SceneRecord:
     """Spherical-harmonics degree of the static Gaussians."""
     train_images: list[str]
     """Names of the training photos, in the order of the training views; empty where unknown."""
+    cameras: dict[str, Tensor] | None = None
+    """Of the training views, see `DeSplatDataManager.remembered`; None in older checkpoints."""
 
     @classmethod
     def from_state(cls, state: object) -> SceneRecord:
@@ -32,7 +39,7 @@ class SceneRecord:
         Raises CheckpointError where there is none, or one that this version cannot read.
         """
         names = {field.name for field in fields(cls)}
-        if not isinstance(state, Mapping) or set(state) != names:
+        if not isinstance(state, Mapping) or {*state, "cameras"} != names:
             raise CheckpointError(
                 "The checkpoint holds no record of its scene that this version reads: another "
                 "method or another version of desplat-ns saved it. Use that one, or train anew."
@@ -58,6 +65,17 @@ class SceneRecord:
             raise CheckpointError(
                 f"The checkpoint was trained on {len(theirs)} photos, this run has {len(ours)}: "
                 f"{what}. Pass the `--data` and the split options that it was trained with."
+            )
+        if not (self.cameras and here.cameras):
+            return
+        was, now = (each["camera_to_worlds"].cpu() for each in (self.cameras, here.cameras))
+        off = (was - now).abs().amax(dim=(1, 2)) / was[..., 3].abs().max().clamp(min=1)
+        if off.max() > POSE_TOLERANCE:
+            raise CheckpointError(
+                f"{int((off > POSE_TOLERANCE).sum())} of {len(off)} photos have other poses than "
+                f"in training, {theirs[int(off.argmax())]} by {float(off.max()):.2g} of the "
+                "scene's size: the reconstruction was made anew, photos were added to it or taken "
+                "out, or options of the data parser differ. Put the old ones back, or train anew."
             )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +10,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from desplat_ns.errors import ConfigError
+from desplat_ns.errors import CaptureError, ConfigError
 from tests.helpers.splat_files import read_glb
 
 TRAINING_PHOTOS = 6
@@ -31,6 +32,21 @@ def test_every_format_holds_the_same_gaussians(trained: Path, tmp_path: Path, fr
     up = (x, y, z) if frame == "training" else (x, -y, -z)  # a PLY has its y down
     assert np.allclose(np.stack(up, axis=1), points, atol=1e-6)
     assert (tmp_path / "a.spz").stat().st_size < (tmp_path / "a.ply").stat().st_size / 4
+
+
+@pytest.mark.slow
+def test_splats_need_nothing_of_the_capture_and_all_else_names_where_it_was(
+    trained: Path, tmp_path: Path
+):
+    from desplat_ns.commands.export import Masks, Splats
+
+    moved = Path(shutil.copytree(trained.parent, tmp_path / "moved"))
+    (moved / "config.yml").write_text(trained.read_text().replace("tiny_scene", "gone_scene"))
+    for config, name in ((trained, "there.ply"), (moved / "config.yml", "gone.ply")):
+        Splats(config, output=tmp_path / name, frame="capture").main()
+    assert (tmp_path / "gone.ply").read_bytes() == (tmp_path / "there.ply").read_bytes()
+    with pytest.raises(CaptureError, match=r"gone_scene.*--data"):
+        Masks(moved / "config.yml", output=tmp_path / "masks").main()
 
 
 @pytest.mark.slow

@@ -133,6 +133,15 @@ def test_options_that_do_not_fit_are_named(capture, options: dict, error: type, 
         outputs_of(capture(), **options)
 
 
+def test_masks_that_lie_there_unused_are_mentioned_with_their_option(capture, capsys):
+    data = capture()
+    outputs_of(data)
+    assert "masks" not in capsys.readouterr().out
+    (data / "masks").mkdir()
+    outputs_of(data)
+    assert "--masks-path masks" in capsys.readouterr().out
+
+
 def test_no_points_is_an_error_unless_random_ones_are_asked_for(capture):
     data = capture(points=[])
     with pytest.raises(CaptureError, match="--load-3D-points False"):

@@ -91,13 +91,6 @@ def test_a_wrong_split_file_is_an_error_that_names_it(capture, content: str | No
         outputs_of(data, "train")
 
 
-def test_a_photo_that_trains_and_is_held_out_is_an_error(capture):
-    data = capture(NAMES)
-    (data / "split.json").write_text('{"clutter": [0, 1], "extra": [1]}')
-    with pytest.raises(CaptureError, match=sorted(NAMES)[1]):
-        outputs_of(data, "train")
-
-
 def test_no_photo_with_a_pose_is_an_error(capture):
     data = write_transforms(capture(["a.png", "b.png"]))
     (data / "split.json").write_text(json.dumps(SPLIT))

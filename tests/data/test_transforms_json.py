@@ -161,7 +161,13 @@ def test_a_frames_own_numbers_come_before_those_of_the_head(processed: Path):
 
 
 @pytest.mark.parametrize(
-    "head", [{"is_fisheye": True, "k4": 0.1}, {"camera_model": "OPENCV_FISHEYE"}]
+    "head",
+    [
+        {"is_fisheye": True, "k4": 0.1},
+        {"camera_model": "OPENCV_FISHEYE"},
+        {"camera_type": "fisheye", "is_latlong": False},
+        {"camera_model": "Opencv_Fisheye", "is_fisheye": True},
+    ],
 )
 def test_a_fisheye_of_any_program_is_one_also_without_terms(processed: Path, head):
     damage(processed, **head, fl_x=6, fl_y=6)
@@ -177,8 +183,13 @@ def test_a_fisheye_of_any_program_is_one_also_without_terms(processed: Path, hea
     [
         *(
             ({"camera_model": model}, model)
-            for model in ("EQUIRECTANGULAR", "FISHEYE624", "VR180_L")
+            for model in ("EQUIRECTANGULAR", "FISHEYE624", "VR180_L", "ORTHOPHOTO", "FULL_OPENCV")
         ),
+        ({"latlong": True}, "LATLONG"),
+        ({"is_equirectangular": 1}, "EQUIRECTANGULAR"),
+        ({"ftheta_p0": 0.1, "ftheta_p1": 0.2}, "FTHETA"),
+        ({"camera_type": "omnidirectionalstereo_l"}, "OMNIDIRECTIONALSTEREO_L"),
+        ({"camera_model": "PINHOLE", "is_fisheye": True}, "FISHEYE and PINHOLE"),
         ({"k4": 0.1}, "OPENCV_FISHEYE"),
         ({"cx": 1e9}, "cannot be"),
     ],
@@ -186,6 +197,16 @@ def test_a_fisheye_of_any_program_is_one_also_without_terms(processed: Path, hea
 def test_cameras_that_cannot_be_drawn_are_an_error(processed: Path, head, named: str):
     damage(processed, **head)
     with pytest.raises(CaptureError, match=named):
+        outputs_of(processed)
+
+
+def test_a_lens_of_a_single_frame_is_looked_at_and_plain_names_of_pinholes_are_known(
+    processed: Path,
+):
+    rewrite(processed, lambda number, frame: frame.update(camera_type="perspective"))
+    assert outputs_of(processed).cameras.camera_type.unique().tolist() == [1]
+    rewrite(processed, lambda number, frame: frame.update({"latlong": True} if number == 2 else {}))
+    with pytest.raises(CaptureError, match=r"2\.png.*LATLONG"):
         outputs_of(processed)
 
 

@@ -165,6 +165,7 @@ def config(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> DeSplatTrainerCon
         machine=MachineConfig(device_type="cpu"),
         logging=LoggingConfig(local_writer=LocalWriterConfig(enable=False)),
         pipeline=StubPipelineConfig(),
+        accept_mismatch=True,  # there is no capture to look at
         optimizers={"means": decay(), "scales": constant, "extra": constant},
         vis="tensorboard",
         nominal_num_iterations=NOMINAL,

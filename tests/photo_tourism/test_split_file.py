@@ -145,11 +145,6 @@ def test_photos_that_the_reconstruction_lacks_are_left_out_and_named(file: Path,
     assert "1 of 2 photos" in (said := capsys.readouterr().out) and "b.jpg" in said
 
 
-def test_a_photo_that_trains_and_tests_is_named(file: Path):
-    with pytest.raises(CaptureError, match=r"a\.jpg"):
-        read_split_file(table(file, (*ROWS, "a.jpg\t1\ttrain")))
-
-
 # --- drawing ------------------------------------------------------------------------------------
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from desplat_ns.errors import CheckpointError, ConfigError
-from desplat_ns.runs.files import find_run
+from desplat_ns.runs.files import find_run, found
 
 CONFIG = """!!python/object:desplat_ns.trainer.DeSplatTrainerConfig
 experiment_name: yard
@@ -29,6 +29,14 @@ def test_checkpoints_are_found_beside_config_yml_and_what_is_being_saved_is_none
     run = find_run(config)
     assert run.checkpoints == (tmp_path / "moved" / "models").resolve()
     assert run.folder == tmp_path / "moved"
+
+
+def test_what_config_yml_names_is_found_where_all_was_moved_together(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "captures" / "yard").mkdir(parents=True)
+    assert found(Path("/old/captures/yard")) == Path("captures/yard")
+    assert found(tmp_path / "captures") == tmp_path / "captures"
+    assert found(Path("/old/other")) == Path("/old/other")
 
 
 def test_a_run_without_a_checkpoint_is_named(tmp_path: Path):

@@ -15,6 +15,7 @@ from nerfstudio.data.dataparsers.base_dataparser import DataparserOutputs
 from desplat_ns.data.images import read_image
 from desplat_ns.data.reconstruction import TRACKS
 from desplat_ns.errors import CaptureError
+from desplat_ns.survey.survey import mismatch_of
 from lab.pictures import write_image
 from tests.helpers.surveyed import copied, points_of, some, survey, with_points
 
@@ -60,8 +61,21 @@ def test_captures_that_cannot_be_right_are_said(
     if change == "black":
         write_image(tmp_path / "mask.png", np.zeros((72, 96, 1), np.uint8))
         capture = replace(capture, mask_filenames=[tmp_path / "mask.png"] * 10)
-    assert said in " ".join(survey(capture).notes)
-    assert bool(said) or not survey(capture).notes
+    result = survey(capture)
+    assert said in " ".join(result.notes)
+    assert bool(said) == bool(result.notes) == bool(result.mismatch) == bool(mismatch_of(capture))
+    assert not said or Path(capture.image_filenames[0]).name in result.mismatch
+
+
+def test_a_few_wrong_photos_are_no_reason_to_refuse_a_capture(
+    still: DataparserOutputs, tmp_path: Path
+):
+    capture = copied(still, tmp_path)
+    for path in capture.image_filenames[:3]:
+        write_image(path, np.ascontiguousarray(read_image(path)[::-1, ::-1]))
+    result = survey(capture)
+    assert "3 of 10 photos" in " ".join(result.notes)
+    assert not result.mismatch
 
 
 def test_two_photos_and_one_call_for_nothing(still: DataparserOutputs):

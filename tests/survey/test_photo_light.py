@@ -57,6 +57,7 @@ def chain(gains: np.ndarray) -> Observations:
         has_tracks=True,
         all_xyz=np.zeros((0, 3)),
         num_in_view=np.zeros(count, int),
+        names=[],
     )
 
 
