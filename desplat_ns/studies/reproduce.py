@@ -167,7 +167,9 @@ def find_contents(
         announce(said, warning=True)
     if smoke is not None:
         found = [smaller(scene, smoke.side) for scene in found]
-    contents = {scene: content_of(*outputs_of(scene, "train", "test")) for scene in found}
+    contents = {
+        scene: content_of(outputs_of(scene, "train"), outputs_of(scene, "test")) for scene in found
+    }
     return contents, [scene.name for scene in missing]
 
 
@@ -187,10 +189,11 @@ def find_scenes(table: Table, data: Path) -> tuple[list[PaperScene], list[PaperS
     return found, missing
 
 
-def outputs_of(scene: PaperScene, *splits: str) -> list[Any]:
-    """As `splits_of`; its CaptureError names the scene."""
+def outputs_of(scene: PaperScene, split: str) -> Any:
+    """nerfstudio's DataparserOutputs of a split. Raises CaptureError, which names the scene, where
+    it cannot be read, or no photo is in it."""
     try:
-        return splits_of("desplat-paper", scene.place, scene.parser, *splits)
+        return splits_of("desplat-paper", scene.place, scene.parser, split)[0]
     except CaptureError as error:
         raise CaptureError(
             f"{scene.data_set.name}, {scene.name}: {error} Where the data set is not whole, move "
@@ -200,7 +203,7 @@ def outputs_of(scene: PaperScene, *splits: str) -> list[Any]:
 
 def smaller(scene: PaperScene, side: int) -> PaperScene:
     """The same with photos of at most `side` pixels a side. Raises CaptureError as `outputs_of`."""
-    cameras = outputs_of(replace(scene, downscale=1), "train")[0].cameras
+    cameras = outputs_of(replace(scene, downscale=1), "train").cameras
     longest = int(max(cameras.width.max(), cameras.height.max()))
     return replace(scene, downscale=2 ** max(0, math.ceil(math.log2(longest / side))))
 
