@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -16,6 +17,7 @@ from nerfstudio.data.dataparsers.nerfstudio_dataparser import NerfstudioDataPars
 
 from desplat_ns.backend.protocol import Rendering, View
 from desplat_ns.data.transforms_json import TransformsDataParser
+from desplat_ns.datamanager import DeSplatDataManager
 from desplat_ns.export import export
 from desplat_ns.export.export import export_splats, within
 from desplat_ns.export.splat_cloud import OFF_BY
@@ -102,7 +104,11 @@ def test_a_nerfstudio_captures_frame_is_that_of_its_own_points_also_far_out(
     parser = TransformsDataParser(config)
     outputs = parser.get_dataparser_outputs("train")
     assert torch.allclose(outputs.dataparser_transform, parser.oriented.transform.float())
-    manager = SimpleNamespace(dataparser=parser, train_dataparser_outputs=outputs)
+    dataset = SimpleNamespace(cameras=outputs.cameras)
+    manager: Any = SimpleNamespace(
+        dataparser=parser, train_dataparser_outputs=outputs, train_dataset=dataset
+    )
+    manager.remembered = partial(DeSplatDataManager.remembered, manager)
     model = SimpleNamespace(effects=SimpleNamespace(background="off"))
     run = SimpleNamespace(pipeline=SimpleNamespace(datamanager=manager, model=model))
     trained = replace(
@@ -110,7 +116,7 @@ def test_a_nerfstudio_captures_frame_is_that_of_its_own_points_also_far_out(
         means=outputs.metadata["points3D_xyz"].double().numpy(),
         scales=np.full((200, 3), 0.05 * outputs.dataparser_scale, np.float32),
     )
-    monkeypatch.setattr(export, "load_run", lambda files: run)
+    monkeypatch.setattr(export, "load_run", lambda files, needs_photos: run)
     monkeypatch.setattr(export, "static_cloud", lambda *options: (trained, None))
     output = tmp_path / f"a.{ending}"
     export_splats(RunFiles(tmp_path, tmp_path), output, "capture", None, None)
