@@ -88,7 +88,7 @@ class DeSplatModel(SplatfactoModel):
         every training camera."""
         points = self.seed_points
         if points is not None and not self.config.random_init:
-            rows = torch.from_numpy(distinct(points[0].cpu().numpy()))
+            rows = torch.from_numpy(distinct(points[0].detach().cpu().numpy()))
             points = self.seed_points = (points[0][rows], points[1][rows])
             if len(rows) < MIN_SEED_POINTS:
                 raise CaptureError(

@@ -231,6 +231,8 @@ def trainer_of(job: Job, method: str, capture: Path, number: int = RUN) -> Any:
         config.pipeline.model.num_downscales = 0
     if method == "desplat":
         config.pipeline.model.effects = EffectsConfig()  # no survey of the capture
+    if method != "splatfacto":
+        config.accept_mismatch = True  # the photos of `write_capture` are noise
     config.max_num_iterations, config.vis = number, "tensorboard"
     config.machine.device_type, config.output_dir = job.device, job.work / "runs" / capture.name
     config.experiment_name, config.timestamp = method, "run"
