@@ -190,6 +190,14 @@ class DeSplatColmapDataParser(ColmapDataParser):
             )
         return picked
 
+    def _get_image_indices(self, image_filenames: Sequence[Path], split: str) -> Any:
+        """nerfstudio's, but for `fraction` of few photos: it rounds up, and of nine or fewer holds
+        out none by its default. Here the middle one."""
+        count, share = len(image_filenames), self.config.train_split_fraction
+        if self.config.eval_mode != "fraction" or share >= 1 or count * share <= count - 1:
+            return super()._get_image_indices(image_filenames, split)
+        return [i for i in range(count) if (i == count // 2) == (split != "train")]
+
     def _generate_dataparser_outputs(self, split: str = "train", **kwargs: Any):
         config = self.config
         indices = self.views(split)

@@ -35,7 +35,8 @@ AS_GIVEN = {"orientation_method": "none", "center_method": "none", "auto_scale_p
 
 
 def outputs_of(data: Path, split: str = "train", **options):
-    options = {"load_3D_points": True, "_target": TransformsDataParser, **options}
+    everything = {"load_3D_points": True, "eval_mode": "all", "_target": TransformsDataParser}
+    options = everything | options
     return NerfstudioDataParserConfig(data=data, **options).setup().get_dataparser_outputs(split)
 
 
@@ -51,6 +52,14 @@ def test_colmaps_points_are_used_without_a_question(processed, model_writer, mon
     expected = torch.tensor([[-1.0, 0.5, -4.0], [2.0, 1.0, -3.0]])
     torch.testing.assert_close(outputs.metadata["points3D_xyz"], expected)
     assert (processed / "transforms.json").read_bytes() == before
+
+
+def test_of_few_photos_one_is_held_out(processed: Path):
+    """nerfstudio's 90%, rounded up, would be all four."""
+    splits = {s: outputs_of(processed, s, eval_mode="fraction") for s in ("train", "val", "test")}
+    names = {s: [path.name for path in of.image_filenames] for s, of in splits.items()}
+    assert names["train"] == ["0.png", "1.png", "3.png"]
+    assert names["val"] == names["test"] == ["2.png"]
 
 
 def test_without_any_points_that_is_said(processed: Path, capsys):
