@@ -348,6 +348,7 @@ class DeSplatTrainer(Trainer):
         """What nerfstudio's commands read of a checkpoint, and what makes resume exact."""
         state = {
             "step": step,
+            "nominal": self.pipeline.model.schedule.nominal(step + 1),
             "pipeline": self.pipeline.state_dict(),
             "optimizers": {k: v.state_dict() for k, v in self.optimizers.optimizers.items()},
             "rng": resume.rng_state(),
@@ -360,9 +361,16 @@ class DeSplatTrainer(Trainer):
         if self._saved is None:
             return
         (path, state), self._saved = self._saved, None
+        done, total = state["step"] + 1, self.config.max_num_iterations
+        schedule = self.pipeline.model.schedule
+        if schedule.go_on(done, state.get("nominal", schedule.nominal(done)), total):
+            announce(
+                f"The run was planned for more steps. Of its schedules {done} steps did a share; "
+                f"the other {total - done} steps do the rest."
+            )
         self.pipeline.load_pipeline(state["pipeline"], state["step"])
         load_moments(self.optimizers, state["optimizers"])
-        self._start_step = self._steps_done = state["step"] + 1
+        self._start_step = self._steps_done = done
         for scheduler in self.optimizers.schedulers.values():
             set_position(cast(LambdaLR, scheduler), self._steps_done)
         # the order of the views now, the generators when training starts

@@ -62,6 +62,18 @@ def test_a_short_run_goes_on_with_the_schedules_of_the_longer_one(config):
     assert rates["continued"] == rates["long"][6:]
 
 
+def test_a_run_that_is_cut_short_goes_through_what_is_left_of_its_schedules(config, capsys):
+    """Of 24 nominal steps, 12 of the run, 3 are done: the other 18 nominal ones are done in 3."""
+    paced = StubPipelineConfig(model=StubModelConfig(schedule_scale=0.5))
+    train(dataclasses.replace(config, max_num_iterations=3, pipeline=paced))
+    trainer, rates = set_up(resumed(config, max_num_iterations=6)), list[float]()
+    group = trainer.optimizers.optimizers["means"].param_groups[0]
+    trainer.pipeline.at_step = lambda step: rates.append(group["lr"])
+    trainer.train()
+    assert rates == pytest.approx([1e-2 * 10 ** (-n / 12) for n in (6, 12, 18)], rel=1e-12)
+    assert "planned for more steps" in capsys.readouterr().out
+
+
 def test_rates_are_higher_while_few_photos_warm_up_and_a_resumed_run_knows(config):
     """Of 24 nominal steps, so of 12, the warm-up has 4 and would have 8: 2 and 4 of the run."""
     rates: list[list[float]] = []

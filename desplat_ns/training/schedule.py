@@ -101,10 +101,24 @@ class Schedule:
         """`scale`: steps of the run for each nominal step. `plan`: of a run with a budget, whose
         clock says where it stands."""
         self.scale, self.plan = scale, plan
+        self._begun, self._reached, self._pace = 0, 0, scale
 
     def nominal(self, step: int) -> int:
         """The nominal step that belongs to a step of the run."""
-        return round((step if self.plan is None else self.plan.reached) / self.scale)
+        if self.plan is not None:
+            return round(self.plan.reached / self.scale)
+        return round(self._reached + (step - self._begun) / self._pace)
+
+    def go_on(self, step: int, reached: int, total: int) -> bool:
+        """Let a run that was planned for more steps reach its end in `total` steps, from the
+        nominal step that it has reached at `step`: else refinements that were to come are passed
+        over. Returns whether that changes anything; a run planned for fewer steps goes back."""
+        end = max(total, total / self.scale)
+        if self.plan is not None or reached >= self.nominal(step) or step >= total:
+            return False
+        self._begun, self._reached = step, reached
+        self._pace = (total - step) / (end - reached)
+        return True
 
 
 TIMED_STEPS = 10

@@ -72,9 +72,6 @@ class StubModel:
     def found_in_the_way(self) -> list[str]:
         return []
 
-    def sweep(self) -> None:
-        pass
-
 
 class StubPipeline(Pipeline):
     """Two groups of parameters whose loss depends on every random generator."""

@@ -36,6 +36,24 @@ def test_visits_make_steps_up_to_the_methods_own_number():
     assert steps_for_visits(0.001, 8, 30_000) == 1
 
 
+def test_a_run_that_is_cut_short_does_what_is_ahead_in_the_steps_that_are_left():
+    """Stopped at 372 of 3,000 steps and gone on with to 600, of 30,000 nominal ones."""
+    assert Schedule(0.1).nominal(372) == 3_720 and Schedule(0.02).nominal(372) == 18_600
+    schedule = Schedule(0.02)
+    assert schedule.go_on(372, 3_720, 600)
+    assert [schedule.nominal(step) for step in (372, 486, 600)] == [3_720, 16_860, 30_000]
+    again = Schedule(0.02)
+    assert again.go_on(486, schedule.nominal(486), 600)
+    assert all(again.nominal(step) == schedule.nominal(step) for step in range(486, 600))
+
+
+@pytest.mark.parametrize(("step", "reached", "total"), [(300, 15_000, 600), (600, 30_000, 3_000)])
+def test_the_same_total_or_a_larger_one_changes_no_schedule(step: int, reached: int, total: int):
+    schedule = Schedule(total / 30_000)
+    assert not schedule.go_on(step, reached, total)
+    assert schedule.nominal(step) == round(step / schedule.scale)
+
+
 def test_a_longer_run_never_has_higher_rates():
     factors = [rate_factor(100, steps, 100.0) for steps in (1, 100, 1000, 5000, 20_000, 10**6)]
     assert factors == sorted(factors, reverse=True)
