@@ -237,8 +237,7 @@ class DeSplatDataManager(FullImageDatamanager[CaptureDataset]):
             "eval_unseen": [int(i) for i in self.eval_unseen_cameras],
         }
         if hasattr(self, "random_generator"):
-            version, numbers, gauss = self.random_generator.getstate()
-            state["random"] = [version, list(numbers), gauss]
+            state["random"] = self.random_generator.getstate()
         if hasattr(self, "train_unsampled_epoch_count"):
             state["unsampled"] = [float(count) for count in self.train_unsampled_epoch_count]
         return state
