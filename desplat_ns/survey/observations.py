@@ -195,7 +195,7 @@ def observe(capture: DataparserOutputs, most: int = MOST_PHOTOS) -> Observations
     given = capture.metadata.get("points3D_xyz")
     all_xyz = np.zeros((0, 3)) if given is None else given.double().cpu().numpy()
     indices, looks = _look_at(capture, most, all_xyz)
-    views, small, allowed, in_view, hidden = zip(*looks, strict=True)
+    views, small, allowed, in_view, _ = zip(*looks, strict=True)
     tracked = np.stack(in_view)
     if tracks is not None:
         tracked[:] = False
