@@ -83,22 +83,22 @@ def survey(capture: DataparserOutputs) -> tuple[Survey, Evidence]:
     appearance = appearance_finding(observations, light, steps)
     skies = skies_of(observations)
     background = background_finding(observations, light, skies, appearance.decision == "affine")
-    notes, mismatch = mismatches(observations)
-    if len(observations.views) < len(capture.image_filenames):
-        notes.append(f"{len(observations.views)} photos, evenly spread, stand for all.")
+    notes, (said, mismatch) = [], mismatches(observations)
     if len(observations.all_xyz) == 0:
         notes.append("The capture has no points: nothing could be compared, safe sides are taken.")
     elif not observations.has_tracks:
         notes.append(
             "The capture has no tracks: points that neighbours show alike stand for observed ones."
         )
+    if len(observations.views) < len(capture.image_filenames):
+        notes.append(f"{len(observations.views)} photos, evenly spread, stand for all.")
     findings = Survey(
         appearance=appearance,
         background=background,
         num_photos=len(capture.image_filenames),
         num_surveyed=len(observations.views),
         num_points=len(observations.xyz),
-        notes=tuple(notes),
+        notes=(*notes, *said),
         mismatch=mismatch,
     )
     return findings, Evidence(observations, light, steps, skies)
