@@ -231,14 +231,13 @@ class DeSplatDataManager(FullImageDatamanager[CaptureDataset]):
         ]
 
     def sampler_state(self) -> dict[str, Any]:
-        """The order in which views come next, as numbers and lists only."""
+        """The order in which views come next, as plain values."""
         state: dict[str, Any] = {
             "unseen": [int(i) for i in self.train_unseen_cameras],
             "eval_unseen": [int(i) for i in self.eval_unseen_cameras],
         }
         if hasattr(self, "random_generator"):
-            version, numbers, gauss = self.random_generator.getstate()
-            state["random"] = [version, list(numbers), gauss]
+            state["random"] = self.random_generator.getstate()
         if hasattr(self, "train_unsampled_epoch_count"):
             state["unsampled"] = [float(count) for count in self.train_unsampled_epoch_count]
         return state
@@ -249,7 +248,7 @@ class DeSplatDataManager(FullImageDatamanager[CaptureDataset]):
         if all(i < len(self.eval_dataset) for i in state["eval_unseen"]):
             self.eval_unseen_cameras = list(state["eval_unseen"])
         if "random" in state:
-            version, numbers, gauss = state["random"]
+            version, numbers, gauss = state["random"]  # a list in older checkpoints
             self.random_generator = random.Random()
             self.random_generator.setstate((version, tuple(numbers), gauss))
         if "unsampled" in state:

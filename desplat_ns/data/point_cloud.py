@@ -95,15 +95,15 @@ def _vertices(path: Path) -> dict[str, np.ndarray]:
                 raise ValueError("it has no vertices")
             has_lists = any(isinstance(known, PlyListProperty) for known in element.properties)
             if is_wanted and ply.text and not has_lists:
-                table = np.loadtxt(rows, comments=None, max_rows=element.count, ndmin=2)
-                if table.shape != (element.count, len(names)):
-                    raise ValueError(f"{table.shape} numbers for {element.count} vertices")
+                kind = [(name, float) for name in names]
+                table = np.loadtxt(rows, kind, comments=None, max_rows=element.count, ndmin=1)
+                if len(table) < element.count:
+                    raise ValueError(f"{len(table)} rows for {element.count} vertices")
             else:
                 element._read(rows, ply.text, ply.byte_order, "c")
                 table = element.data
             if is_wanted:
-                by_name = table.T if table.dtype.names is None else map(table.__getitem__, names)
-                return dict(zip(map(str.lower, names), by_name, strict=True))
+                return {name.lower(): table[name] for name in names}
     raise ValueError("none of its elements has x, y and z")
 
 

@@ -54,12 +54,8 @@ def kind_of(name: str) -> str:
 
 def viewpoint_of(name: str) -> str:
     """What twins share: what follows the word in the file name, else what precedes it."""
-    stem = Path(name).stem.lower()
-    match = re.search(r"clean|clutter|extra", stem)
-    if match is None:
-        return stem
-    before, after = (part.strip("_-. ") for part in (stem[: match.start()], stem[match.end() :]))
-    return after or before
+    before, *after = re.split("clean|clutter|extra", Path(name).stem.lower(), maxsplit=1)
+    return after[0].strip("_-. ") or before.strip("_-. ") if after else before
 
 
 def names_by_ratio(names: Sequence[str], ratio: float, seed: int) -> list[str]:

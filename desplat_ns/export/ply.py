@@ -5,7 +5,10 @@ Letters in shapes: N Gaussians.
 
 from __future__ import annotations
 
+import io
+
 import numpy as np
+from plyfile import PlyData, PlyElement
 
 from desplat_ns.export.splat_cloud import SplatCloud
 
@@ -30,15 +33,10 @@ def ply_bytes(cloud: SplatCloud) -> bytes:
         "scale_0 scale_1 scale_2": np.log(cloud.scales),
         "rot_0 rot_1 rot_2 rot_3": cloud.quats,
     }
-    names = " ".join(parts).split()
-    header = [
-        "ply",
-        "format binary_little_endian 1.0",
-        "comment written by desplat-ns",
-        *(["comment offset " + " ".join(map(str, cloud.offset))] if cloud.offset else []),
-        f"element vertex {len(cloud)}",
-        *(f"property float {name}" for name in names),
-        "end_header",
-    ]
     table = np.concatenate([values.astype("<f4") for values in parts.values()], axis=1)
-    return "".join(f"{line}\n" for line in header).encode("ascii") + table.tobytes()
+    table = table.view([(name, "<f4") for name in " ".join(parts).split()])[:, 0]
+    offset = [" ".join(["offset", *map(str, cloud.offset)])] if cloud.offset else []
+    comments, file = ["written by desplat-ns", *offset], io.BytesIO()
+    element = PlyElement.describe(table, "vertex")
+    PlyData([element], byte_order="<", comments=comments).write(file)
+    return file.getvalue()

@@ -50,11 +50,6 @@ NEEDED = (
 """What a capture has, whatever its layout."""
 
 
-Found = tuple[str, str, dict[str, Any]]
-"""Where the poses are and what lies there, as parts of a sentence; the options of the dataparser
-that it calls for."""
-
-
 @dataclass(frozen=True)
 class Recognition:
     """A layout that a capture's folder has, and how it is read."""
@@ -133,11 +128,8 @@ def recognise(data: Path) -> Recognition:
 
 
 def _readings(data: Path) -> list[Recognition]:
-    readings = []
-    for name, parser, config, find in LAYOUTS:
-        if (found := find(data)) is not None:
-            readings.append(Recognition(data, name, parser, config, *found))
-    return readings
+    found = [(row[:3], row[3](data)) for row in LAYOUTS]
+    return [Recognition(data, *layout, *what) for layout, what in found if what is not None]
 
 
 def _nothing_found(data: Path) -> str:
@@ -161,6 +153,9 @@ def _nothing_found(data: Path) -> str:
 
 
 # --- what finds each layout -----------------------------------------------------------------------
+
+Found = tuple[str, str, dict[str, Any]]
+"""Of a `Recognition`: poses, summary, options."""
 
 
 def _on_the_go(data: Path) -> Found | None:
@@ -190,15 +185,13 @@ def _robustnerf(data: Path) -> Found | None:
 def _photo_tourism(data: Path) -> Found | None:
     """dense/ with photos and a COLMAP model, or a NeRF-W split file beside them."""
     split, _ = split_files(split_folders(data))
-    held_out = (
-        f"the split file {split[0].name}" if split else "no split file: a draw holds photos out"
-    )
     poses = _model_of(data)
     if find_models(data, DENSE / "sparse") and (data / DENSE / "images").is_dir():
         poses = f"{DENSE}/images and {DENSE}/sparse"
     elif not split and data.resolve().name != DENSE.name:
         return None
-    return (poses, f"{poses} ({held_out})", {}) if poses else None
+    by = f"the split file {split[0].name}" if split else "no split file: a draw holds photos out"
+    return (poses, f"{poses} ({by})", {}) if poses else None
 
 
 def _transforms(data: Path) -> Found | None:
@@ -209,14 +202,14 @@ def _transforms(data: Path) -> Found | None:
 
 def _blender(data: Path) -> Found | None:
     """transforms_train.json and those beside it, where nerfstudio's blender-data can read them."""
-    splits = ("train", "val", "test")
+    names = []
     try:
-        for split in splits:
+        for split in ("train", "val", "test"):
             BlenderDataParserConfig(data=data).setup().get_dataparser_outputs(split)
+            names.append(f"transforms_{split}.json")
     except Exception:  # it checks nothing, so that errors are of many kinds
         return None
-    names = ", ".join(f"transforms_{split}.json" for split in splits)
-    return names, names, {}
+    return ", ".join(names), ", ".join(names), {}
 
 
 def _colmap(data: Path) -> Found | None:

@@ -56,15 +56,15 @@ class Photo:
     """Variance of the Laplacian of grey values of 0 to 255."""
     camera: str = ""
     """Make, model, lens and focal length as EXIF gives them; empty where it does not."""
-    focal: float = 0.0
-    """Focal length in pixels of the copy by EXIF; 0 where it does not say."""
+    focal_35mm: float = 0.0
+    """Focal length in millimetres, as on 35 mm film, by EXIF; 0 where it does not say."""
     problem: str = ""
     """Why it cannot be used; empty where it can."""
 
     @property
-    def film_pixels(self) -> float:
-        """Pixels of the copy in a millimetre of 35 mm film."""
-        return float(np.hypot(self.width, self.height)) / FILM_DIAGONAL
+    def focal(self) -> float:
+        """Focal length in pixels of the copy; 0 where EXIF does not say."""
+        return self.focal_35mm * float(np.hypot(self.width, self.height)) / FILM_DIAGONAL
 
 
 def numbered(sources: Sequence[str]) -> list[Photo]:
@@ -130,14 +130,8 @@ def _copy(folder: Path, photo: Photo, copies: Path, longest_side: int) -> tuple[
     write_picture(copies.with_name("masks") / f"{photo.copy}.png", alpha)
     if (alpha < 255).any():
         photo = replace(photo, name=f"{photo.name.removesuffix('.jpg')}.png")
-    seen = replace(
-        photo,
-        width=width,
-        height=height,
-        sharpness=round(sharpness(pixels), 2),
-        camera=lens.name,
-    )
-    seen = replace(seen, focal=round(lens.focal_35mm * seen.film_pixels, 2))
+    seen = replace(photo, width=width, height=height, sharpness=round(sharpness(pixels), 2))
+    seen = replace(seen, camera=lens.name, focal_35mm=lens.focal_35mm)
     return seen, hashlib.sha1(image.tobytes()).hexdigest()
 
 
@@ -258,7 +252,7 @@ def group_by_camera(photos: Sequence[Photo], cameras: Cameras) -> list[list[Phot
         if cameras == "photo" or (cameras == "auto" and many_people and not photo.camera):
             key += (photo.copy,)
         elif cameras == "auto":
-            key += (folder, photo.camera, photo.focal)  # digital zoom changes the last alone
+            key += (folder, photo.camera, photo.focal_35mm)  # digital zoom changes the last alone
         elif cameras == "folder":
             key += (folder,)
         groups.setdefault(key, []).append(photo)

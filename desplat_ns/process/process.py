@@ -197,11 +197,11 @@ def _best_attempt(request: Request, is_video: bool, photos: Sequence[Photo]) -> 
     best = reconstruct(request, photos, is_video, first)
     known = [photo for photo in photos if photo.focal]
     if known and (why := shortfall(best, len(photos))):
-        free = [replace(photo, focal=0.0) for photo in photos]
+        free = [replace(photo, focal_35mm=0.0) for photo in photos]
         without = reconstruct(request, free, is_video, first)
         if without.score[0] > best.score[0]:
             best, photos = without, free
-            lengths = dict.fromkeys(f"{photo.focal / photo.film_pixels:.0f} mm" for photo in known)
+            lengths = dict.fromkeys(f"{photo.focal_35mm:.0f} mm" for photo in known)
             announce(
                 f"{why} EXIF of {len(known)} photos says that the focal length is "
                 f"{list_names(lengths, 3)} (as on 35 mm film). Poses are better without it.",

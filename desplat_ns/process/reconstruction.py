@@ -209,23 +209,18 @@ def enter_photos(
         focal = float(median(known)) if known else GUESS * max(size)
         start = pycolmap.Camera.create_from_model_name(0, model, focal, *size)
         if entered >= set(names):
-            _start_again(database, names[0], start, bool(known))
+            with pycolmap.Database.open(database) as db:
+                image = db.read_image_with_name(names[0])
+                assert image is not None, "entered before"
+                start.camera_id, start.has_prior_focal_length = image.camera_id, bool(known)
+                if not np.array_equal(db.read_camera(start.camera_id).params, start.params):
+                    db.update_camera(start)
+                    db.clear_two_view_geometries()
             continue
         reader = pycolmap.ImageReaderOptions(camera_model=model)
         if known:
             reader.camera_params = ",".join(map(repr, map(float, start.params)))
         pycolmap.import_images(database, copies, pycolmap.CameraMode.SINGLE, names, reader)
-
-
-def _start_again(database: Path, copy: str, start: pycolmap.Camera, is_known: bool) -> None:
-    with pycolmap.Database.open(database) as db:
-        image = db.read_image_with_name(copy)
-        assert image is not None, "entered before"
-        start.camera_id = image.camera_id
-        start.has_prior_focal_length = is_known
-        if not np.array_equal(db.read_camera(start.camera_id).params, start.params):
-            db.update_camera(start)
-            db.clear_two_view_geometries()
 
 
 def find_features(

@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 
 import cv2
@@ -195,13 +194,8 @@ def observe(capture: DataparserOutputs, most: int = MOST_PHOTOS) -> Observations
     photos, tracks = capture.image_filenames, capture.metadata.get(TRACKS)
     given = capture.metadata.get("points3D_xyz")
     all_xyz = np.zeros((0, 3)) if given is None else given.double().cpu().numpy()
-    count = min(len(photos), most)
-    indices = np.linspace(0, len(photos) - 1, count).round().astype(int).tolist()
-    views = [small_view(capture.cameras, index) for index in indices]
-    with ThreadPoolExecutor(min(MOST_READERS, cores())) as pool:
-        in_view, hidden = zip(*pool.map(lambda view: in_view_of(view, all_xyz), views), strict=True)
-        read = partial(_read_small, capture, CaptureDataset(capture))
-        small = list(pool.map(read, indices, views))
+    indices, looks = _look_at(capture, most, all_xyz)
+    views, small, allowed, in_view, _ = zip(*looks, strict=True)
     tracked = np.stack(in_view)
     if tracks is not None:
         tracked[:] = False
@@ -212,14 +206,14 @@ def observe(capture: DataparserOutputs, most: int = MOST_PHOTOS) -> Observations
     xyz, tracked = all_xyz[chosen], tracked[:, chosen]
     grids = patch_grids(xyz, tracked, views)
     sampled = [
-        _sample(view, photo, allowed, xyz, grids, behind[chosen])
-        for view, (photo, allowed), behind in zip(views, small, hidden, strict=True)
+        _sample(view, photo, usable, xyz, grids, behind[chosen])
+        for view, photo, usable, _, behind in looks
     ]
     places, shown, colors, structures = map(np.stack, zip(*sampled, strict=True))
     return Observations(
-        views=views,
-        photos=[photo for photo, _ in small],
-        allowed=[allowed for _, allowed in small],
+        views=[*views],
+        photos=[*small],
+        allowed=[*allowed],
         xyz=xyz,
         places=places,
         is_shown=shown,
@@ -233,15 +227,28 @@ def observe(capture: DataparserOutputs, most: int = MOST_PHOTOS) -> Observations
     )
 
 
-def _read_small(
-    capture: DataparserOutputs, dataset: CaptureDataset, index: int, view: View
-) -> tuple[np.ndarray, np.ndarray]:
-    """The photo at its view's size, and where it is opaque and not masked."""
-    image = resize_image(dataset.get_numpy_image(index), *view.size)
-    allowed = (image[..., 3:] == 255).all(axis=-1)
-    if capture.mask_filenames is not None:
-        allowed &= resize_mask(dataset.get_mask(index)[..., 0].numpy(), *view.size)
-    return image[..., :3], allowed
+_Look = tuple[View, np.ndarray, np.ndarray, np.ndarray, np.ndarray]
+"""A view, the photo at its size, where that is opaque and not masked, and `in_view_of`."""
+
+
+def _look_at(
+    capture: DataparserOutputs, most: int, xyz: Float[np.ndarray, "N 3"]
+) -> tuple[list[int], list[_Look]]:
+    """Of at most so many photos, evenly spread, their numbers and what they show of points."""
+    count = len(capture.image_filenames)
+    indices = np.linspace(0, count - 1, min(count, most)).round().astype(int).tolist()
+    dataset = CaptureDataset(capture)
+
+    def look(index: int) -> _Look:
+        view = small_view(capture.cameras, index)
+        image = resize_image(dataset.get_numpy_image(index), *view.size)
+        allowed = (image[..., 3:] == 255).all(axis=-1)
+        if capture.mask_filenames is not None:
+            allowed &= resize_mask(dataset.get_mask(index)[..., 0].numpy(), *view.size)
+        return view, image[..., :3], allowed, *in_view_of(view, xyz)
+
+    with ThreadPoolExecutor(min(MOST_READERS, cores())) as pool:
+        return indices, list(pool.map(look, indices))
 
 
 def colors_of_photos(capture: DataparserOutputs) -> UInt8[np.ndarray, "N 3"]:
@@ -255,21 +262,13 @@ def colors_of_photos(capture: DataparserOutputs) -> UInt8[np.ndarray, "N 3"]:
 
     all_xyz = capture.metadata["points3D_xyz"].double().cpu().numpy()
     xyz = all_xyz[:: -(-len(all_xyz) // COLOR_POINTS)]
-    count = min(len(capture.image_filenames), COLOR_PHOTOS)
-    indices = np.linspace(0, len(capture.image_filenames) - 1, count).round().astype(int).tolist()
-    dataset = CaptureDataset(capture)
-
-    def colors_in(index: int) -> Float[np.ndarray, "M 3"]:
-        view = small_view(capture.cameras, index)
-        photo, allowed = _read_small(capture, dataset, index, view)
-        inside, hidden = in_view_of(view, xyz)
+    seen = np.full((COLOR_PHOTOS, *xyz.shape), np.nan, np.float32)
+    looks = _look_at(capture, COLOR_PHOTOS, xyz)[1]
+    for colors, (view, photo, allowed, inside, hidden) in zip(seen, looks, strict=False):
         at = np.where(inside[:, None], view.project(xyz)[0], 0).astype(int)
         column, row = np.minimum(at, np.array(view.size) - 1).T
         shown = inside & ~hidden & allowed[row, column]
-        return np.where(shown[:, None], photo[row, column], np.nan).astype(np.float32)
-
-    with ThreadPoolExecutor(min(MOST_READERS, cores())) as pool:
-        seen = np.stack(list(pool.map(colors_in, indices)))
+        colors[shown] = photo[row, column][shown]
     known = np.isfinite(seen[..., 0]).any(axis=0)
     if not known.any():
         return np.full(all_xyz.shape, 128, np.uint8)

@@ -83,35 +83,31 @@ def survey(capture: DataparserOutputs) -> tuple[Survey, Evidence]:
     appearance = appearance_finding(observations, light, steps)
     skies = skies_of(observations)
     background = background_finding(observations, light, skies, appearance.decision == "affine")
-    said, is_mismatch = mismatches(observations)
-    findings = Survey(
-        appearance=appearance,
-        background=background,
-        num_photos=len(capture.image_filenames),
-        num_surveyed=len(observations.views),
-        num_points=len(observations.xyz),
-        notes=(*_notes(observations, len(capture.image_filenames)), *said),
-        mismatch=" ".join(said) if is_mismatch else "",
-    )
-    return findings, Evidence(observations, light, steps, skies)
-
-
-def _notes(observations: Observations, num_photos: int) -> list[str]:
-    notes = []
+    notes, (said, mismatch) = [], mismatches(observations)
     if len(observations.all_xyz) == 0:
         notes.append("The capture has no points: nothing could be compared, safe sides are taken.")
     elif not observations.has_tracks:
         notes.append(
             "The capture has no tracks: points that neighbours show alike stand for observed ones."
         )
-    if len(observations.views) < num_photos:
+    if len(observations.views) < len(capture.image_filenames):
         notes.append(f"{len(observations.views)} photos, evenly spread, stand for all.")
-    return notes
+    findings = Survey(
+        appearance=appearance,
+        background=background,
+        num_photos=len(capture.image_filenames),
+        num_surveyed=len(observations.views),
+        num_points=len(observations.xyz),
+        notes=(*notes, *said),
+        mismatch=mismatch,
+    )
+    return findings, Evidence(observations, light, steps, skies)
 
 
-def mismatches(observations: Observations) -> tuple[list[str], bool]:
+def mismatches(observations: Observations) -> tuple[list[str], str]:
     """Sentences on photos that do not go with their masks, cameras or points, where they are more
-    than a share of all; and whether they are more than half, so that training would be in vain."""
+    than a share of all; and all of them in one where such photos are more than half, so that
+    training would be in vain, else none."""
     count = len(observations.views)
     is_judged = len(observations.all_xyz) >= LEAST_COMPARED
     kinds = [
@@ -124,16 +120,14 @@ def mismatches(observations: Observations) -> tuple[list[str], bool]:
         if which.sum() > share * count:
             names = list_names((observations.names[i] for i in np.flatnonzero(which).tolist()), 3)
             said.append(sentence.format(f"{which.sum()} of {count} photos ({names})"))
-    return said, bool(2 * np.any([which for _, _, which in kinds], axis=0).sum() > count)
+    is_in_vain = 2 * np.any([which for _, _, which in kinds], axis=0).sum() > count
+    return said, " ".join(said) if is_in_vain else ""
 
 
 def mismatch_of(capture: DataparserOutputs) -> str:
     """What makes training useless, seen in a few photos; empty if nothing does. Raises as
     `observe`."""
-    if not capture.image_filenames:
-        return ""
-    said, is_mismatch = mismatches(observe(capture, MOST_CHECKED))
-    return " ".join(said) if is_mismatch else ""
+    return mismatches(observe(capture, MOST_CHECKED))[1] if capture.image_filenames else ""
 
 
 def refuse_mismatch(mismatch: str) -> None:

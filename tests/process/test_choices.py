@@ -44,7 +44,7 @@ def test_photos_are_paired_with_those_that_look_alike():
 
 
 def test_photos_of_one_size_share_a_camera_unless_exif_says_otherwise():
-    photos = [*(photo(i) for i in range(12)), photo(12, camera="A 5.0", focal=50.0)]
+    photos = [*(photo(i) for i in range(12)), photo(12, camera="A 5.0", focal_35mm=50.0)]
     assert group_by_camera(photos, "auto") == [photos[:12], photos[12:]]
 
 

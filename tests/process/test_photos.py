@@ -47,8 +47,7 @@ def test_a_focal_length_by_exif_sees_the_same_across_as_on_film(
     PIL.Image.effect_noise(size, 50).save(tmp_path / "b.jpg")
     photo, without = prepared(tmp_path, "a.jpg", "b.jpg", longest_side=longest_side)
     across = np.hypot(photo.width, photo.height) / photo.focal
-    # the focal length is rounded to hundredths of a pixel, the film's diagonal to 1e-4 mm
-    rounded = 0.005 / photo.focal + 1e-4 / np.hypot(*FILM)
+    rounded = 1e-4 / np.hypot(*FILM)  # of millimetres of the film's diagonal
     assert across == pytest.approx(np.hypot(*FILM) / 28, rel=rounded)
     assert without.focal == 0.0
 

@@ -152,7 +152,7 @@ def test_where_focal_lengths_of_exif_do_harm_they_are_named_and_left_out(
     taken: str,
 ):
     photos = [
-        Photo(copy, copy, copy, width=400, height=300, sharpness=9.0, camera="A", focal=1560.0)
+        Photo(copy, copy, copy, width=400, height=300, sharpness=9.0, camera="A", focal_35mm=135.0)
         for copy in COPIES
     ]
     asked = attempts(monkeypatch, with_exif, without)

@@ -16,7 +16,7 @@ import pycolmap
 import pytest
 
 from desplat_ns.process import reconstruction
-from desplat_ns.process.photos import group_by_camera
+from desplat_ns.process.photos import FILM_DIAGONAL, group_by_camera
 from desplat_ns.process.reconstruction import (
     LEAST_TOLERANCE,
     PLAIN,
@@ -105,12 +105,13 @@ def test_another_focal_length_leaves_features_and_matches_and_verifies_anew(
 ):
     mine = plain.again(tmp_path)
     match_photos(mine.database, False, PLAIN, 1, silent)
-    known = [replace(photo, focal=500.0) for photo in mine.photos]
+    at_500 = 500 * FILM_DIAGONAL / np.hypot(320, 240)
+    known = [replace(photo, focal_35mm=at_500) for photo in mine.photos]
     for photos, starts, matches in ((mine.photos, 384.0, True), (known, 500.0, False)):
         enter_photos(mine.database, mine.copies, group_by_camera(photos, "auto"), "auto")
         with pycolmap.Database.open(mine.database) as db:
             (camera,) = db.read_all_cameras()
-            assert camera.mean_focal_length() == starts
+            assert camera.mean_focal_length() == pytest.approx(starts)
             assert (db.num_verified_image_pairs() > 0) == matches
             assert db.num_matched_image_pairs() > 0
     assert all(feature_counts(mine.database).values())
