@@ -365,8 +365,8 @@ class DeSplatTrainer(Trainer):
         schedule = self.pipeline.model.schedule
         if schedule.go_on(done, state.get("nominal", schedule.nominal(done)), total):
             announce(
-                f"The run was planned for more steps. Of its schedules {done} steps did a share; "
-                f"the other {total - done} steps do the rest."
+                f"The run was planned for more steps. The {total - done} steps that are left go "
+                "through the rest of its schedules."
             )
         self.pipeline.load_pipeline(state["pipeline"], state["step"])
         load_moments(self.optimizers, state["optimizers"])
