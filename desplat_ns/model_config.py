@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 from importlib import import_module
 
@@ -18,7 +19,6 @@ from desplat_ns.settings.effects import EffectsConfig
 from desplat_ns.settings.options import check_ranges, ranged
 from desplat_ns.training.schedule import (
     SPLATFACTOS_INTERVAL,
-    photo_downscale,
     steps_between_refinements,
 )
 
@@ -62,6 +62,11 @@ class DeSplatModelConfig(SplatfactoModelConfig):
     """Refinements of the static set in a run, whatever its length: they are as many steps apart as
     `stop_split_at` has by this number, and at least half a round of the views. See
     docs/explain/separation.md, "How often Gaussians are refined"."""
+    first_megapixels: float = ranged(0.0, "[0, inf)")
+    """Size of training photos at the start: a coarse scene has no use for more, and a step costs
+    less. Their sides grow by equal factors in equal times, and reach their full length when
+    Splatfacto's would, after `num_downscales` times `resolution_schedule` steps. 0 for Splatfacto's
+    sizes: 2^num_downscales times smaller, halved every `resolution_schedule` steps."""
     train_downscale: int = ranged(1, "[1, inf)")
     """Factor by which photos are smaller in training at least, to the end; a step then costs less.
     Renderings and evaluation have their full size."""
@@ -106,12 +111,15 @@ class DeSplatModelConfig(SplatfactoModelConfig):
         scale = self.schedule_scale or 1.0
         return self.distractors.warmup_of(num_views, self.warmup_length, scale)
 
-    def downscale_factor(self, step: int) -> int:
-        """By how much photos are smaller at a nominal step: with a warm-up, small photos are over
-        by the middle of it. Call it on what `for_run` gave."""
-        warmup = self.distractors.static_warmup
-        usual = photo_downscale(step, self.num_downscales, self.resolution_schedule, warmup)
-        return max(self.train_downscale, usual)
+    def downscale_factor(self, step: int, pixels: int) -> float:
+        """By how much the sides of photos of so many pixels are smaller at a nominal step."""
+        first, end = self.first_megapixels, self.num_downscales * self.resolution_schedule
+        if first > 0:
+            left = max(0.0, 1.0 - step / end) if end > 0 else 0.0
+            reduced = max(1.0, math.sqrt(pixels / (1e6 * first))) ** left
+        else:
+            reduced = 2.0 ** max(0, self.num_downscales - step // self.resolution_schedule)
+        return max(float(self.train_downscale), reduced)
 
     @property
     def reset_every(self) -> int:

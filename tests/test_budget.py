@@ -40,7 +40,8 @@ def clock(monkeypatch) -> SimpleNamespace:
     losses, load = DeSplatPipeline.get_train_loss_dict, DeSplatDataManager._load_images
 
     def slow_losses(self: Any, step: int) -> Any:
-        reduction = self.model._get_downscale_factor()
+        model = self.model
+        reduction = model.config.downscale_factor(model.nominal_step, 1)
         clock.now += clock.fixed + clock.pixels / reduction**2
         return losses(self, step)
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import torch
 from jaxtyping import Bool, Float
 from nerfstudio.cameras.cameras import Cameras, CameraType
@@ -29,10 +31,13 @@ def is_distorted(cameras: Cameras) -> bool:
 
 
 def view_of(
-    camera: Cameras, camera_to_world: Float[Tensor, "3 4"] | None = None, downscale: int = 1
+    camera: Cameras,
+    camera_to_world: Float[Tensor, "3 4"] | None = None,
+    size_of: Callable[[int, int], tuple[int, int]] | None = None,
 ) -> View:
-    """The view of a single camera (shape [1]), in an image reduced by `downscale` (rounded down).
-    `camera_to_world` replaces the camera's own pose where a pose optimizer moved it.
+    """The view of a single camera (shape [1]), in an image of the size that `size_of` gives for
+    its width and height, if given. `camera_to_world` replaces the camera's own pose where a pose
+    optimizer moved it.
 
     Raises:
         ConfigError: a camera of another kind, as a path of ns-render may have it. A photo's fisheye
@@ -48,12 +53,9 @@ def view_of(
             f"A camera of the kind {CameraType(kind).name} cannot be drawn, only perspective ones. "
             "Make a camera path of perspective cameras."
         )
-    return View(
-        viewmat=world_to_camera(pose),
-        K=torch.cat([intrinsics[:2] * (1 / downscale), intrinsics[2:]]),
-        width=width // downscale,
-        height=height // downscale,
-    )
+    shown = (width, height) if size_of is None else size_of(width, height)
+    scale = intrinsics.new_tensor([[shown[0] / width], [shown[1] / height], [1.0]])
+    return View(world_to_camera(pose), intrinsics * scale, *shown)
 
 
 def views_of(cameras: Cameras) -> list[View]:

@@ -61,18 +61,6 @@ def pause_after_reset(num_views: int, reset_every: int, scale: float) -> int:
     return min(round((num_views + SPLATFACTOS_INTERVAL) / scale), reset_every // 2)
 
 
-def photo_downscale(step: int, num_downscales: int, every: int, warmup: int = 0) -> int:
-    """Factor by which photos are reduced at a nominal step: 2^num_downscales, halved every `every`
-    steps. From the middle of the `warmup`, nominal steps in which the static scene trains alone,
-    they have at least half of their size: in smaller ones occluders do not stand out."""
-    if step >= num_downscales * every:
-        return 1
-    if warmup == 0 or num_downscales == 1:
-        return 2 ** (num_downscales - step // every)
-    early = max(1, min(every, warmup // (2 * (num_downscales - 1))))
-    return 2 ** max(1, num_downscales - step // early)
-
-
 def rate_factor(num_views: int, steps: int, full_visits: float) -> float:
     """Factor, 1 to `MOST_RATE_FACTOR`, on the learning rates of a run of `steps` steps that sees
     photos seldom: rates for many visits leave a short run far from where it is heading.
