@@ -331,9 +331,7 @@ class DeSplatModel(SplatfactoModel):
         """An image [H, W, C] at the step's size, where it is smaller by area; Splatfacto's hook."""
         height, width = image.shape[:2]
         size = self._size_at_hand(width, height)
-        if size == (width, height):
-            return image
-        return pooled(image if image.is_cpu else image.float(), size).permute(1, 2, 0)
+        return image if size == (width, height) else pooled(image, size).permute(1, 2, 0)
 
     def _others(self) -> dict[str, Tensor]:
         """The other terms of Splatfacto (nerfstudio 1.1.5), and what `opacity-prior` charges."""

@@ -102,7 +102,7 @@ def test_photos_are_smaller_where_too_few_steps_of_whole_ones_would_fit(config, 
     clock.fixed, clock.pixels = 0.05, 1.0
     trainer = train(config)
     assert newest(trainer)["budget"]["downscale"] == 2
-    assert trainer.pipeline.model.config.downscale_factor(30_000) == 2
+    assert trainer.pipeline.model.config.downscale_factor(30_000, 1) == 2
     assert 0.9 * BUDGET <= clock.now <= BUDGET
 
 
