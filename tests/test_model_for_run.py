@@ -11,7 +11,6 @@ import torch
 from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.gaussians.strategy import UNLIMITED
 from desplat_ns.model_config import DeSplatModelConfig
-from desplat_ns.settings.effects import EffectsConfig
 from tests.helpers.small_model import HEIGHT, WIDTH, camera, make_model
 
 SEPARATING = DistractorConfig(static_warmup=6000, refine_visits=5, start="residual")
