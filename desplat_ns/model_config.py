@@ -6,12 +6,12 @@ import math
 from dataclasses import dataclass, field, replace
 from importlib import import_module
 
-import psutil
 import torch
 from nerfstudio.models.splatfacto import SplatfactoModelConfig
 
 from desplat_ns.backend import BackendName
 from desplat_ns.backend.spherical_harmonics import MAX_DEGREE
+from desplat_ns.cores import memory as machine_memory
 from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.gaussians.strategy import UNLIMITED
 from desplat_ns.photo_tourism.config import AppearanceConfig, BackgroundConfig
@@ -135,7 +135,7 @@ class DeSplatModelConfig(SplatfactoModelConfig):
         if device.type == "cuda":
             memory = torch.cuda.get_device_properties(device).total_memory
         else:
-            memory = psutil.virtual_memory().total  # what is built in: the same at any load
+            memory = machine_memory()[0]  # what is built in: the same at any load
         room = int(MEMORY_SHARE * memory) // BYTES_A_GAUSSIAN
         wanted = round(self.gaussians_per_pixel * pixels)
         return min(wanted, room) if self.gaussians_per_pixel > 0 else room

@@ -45,7 +45,7 @@ def test_resets_keep_their_place_whatever_the_interval(every):
 
 def test_memory_is_a_ceiling_whatever_the_capture_could_hold(monkeypatch):
     """2,000 photos of 1600 x 1200 could hold 192 million; 16 GB have room for a few."""
-    memory = SimpleNamespace(total=16 * 10**9)
+    memory = SimpleNamespace(total=16 * 10**9, available=0)
     monkeypatch.setattr(psutil, "virtual_memory", lambda: memory)
     config = DeSplatModelConfig(gaussians_per_pixel=0.05)
     assert config.most_gaussians(40 * 135 * 240, "cpu") == 64_800
