@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from functools import cached_property
@@ -113,8 +114,10 @@ class DeSplatModel(SplatfactoModel):
         num_views, scale, effects = self.num_train_data, self.schedule.scale, self.effects
         pixels = int((cameras.width * cameras.height).sum())
         assert isinstance(self.strategy, DefaultStrategy)
+        reduced = config.downscale_factor(0, pixels // num_views) if config.first_megapixels else 1
         self.strategy = StaticStrategy.in_place_of(
             self.strategy,
+            grow_grad2d=config.densify_grad_thresh / math.sqrt(reduced),
             reset_every=config.reset_every,
             pause_refine_after_reset=pause_after_reset(num_views, config.reset_every, scale),
             most=config.most_gaussians(pixels, self.kwargs.get("device", "cpu")),

@@ -65,8 +65,10 @@ class DeSplatModelConfig(SplatfactoModelConfig):
     first_megapixels: float = ranged(0.0, "[0, inf)")
     """Size of training photos at the start: a coarse scene has no use for more, and a step costs
     less. Their sides grow by equal factors in equal times, and reach their full length when
-    Splatfacto's would, after `num_downscales` times `resolution_schedule` steps. 0 for Splatfacto's
-    sizes: 2^num_downscales times smaller, halved every `resolution_schedule` steps."""
+    Splatfacto's would, after `num_downscales` times `resolution_schedule` steps. The threshold of
+    growth is divided by the root of the reduction at the start: in photos of more pixels a Gaussian
+    that covers as many of them has a smaller gradient. 0 for Splatfacto's sizes (2^num_downscales
+    times smaller, halved every `resolution_schedule` steps) and its threshold."""
     train_downscale: int = ranged(1, "[1, inf)")
     """Factor by which photos are smaller in training at least, to the end; a step then costs less.
     Renderings and evaluation have their full size."""

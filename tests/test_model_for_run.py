@@ -117,3 +117,12 @@ def test_a_step_draws_a_photo_in_its_size():
         columns = torch.linspace(0, WIDTH, len(means) + 1)
         assert torch.allclose(means, (columns[1:] + columns[:-1] - 1) / 2, atol=0.51)
     assert torch.equal(shown, photo.float() / 255)
+
+
+def test_the_set_grows_more_easily_in_larger_photos():
+    def threshold(first: float) -> float:
+        return make_model(first_megapixels=first / 1e6, num_downscales=1).strategy.grow_grad2d
+
+    splatfactos = make_model().strategy.grow_grad2d
+    assert threshold(2 * WIDTH * HEIGHT) == splatfactos
+    assert threshold(WIDTH * HEIGHT / 16) == pytest.approx(splatfactos / 2)
