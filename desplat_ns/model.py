@@ -54,8 +54,7 @@ from desplat_ns.photo_tourism.shown_light import ShownLight
 from desplat_ns.rendering.layers import layered_outputs, over_background, static_outputs
 from desplat_ns.rendering.metrics import LazyLpips, image_metrics
 from desplat_ns.rendering.near_plane import sampled, scene_start, stands_clear
-from desplat_ns.rendering.views import held, view_of
-from desplat_ns.separation.grid import pooled
+from desplat_ns.rendering.views import held, reduced, view_of
 from desplat_ns.separation.layer import DistractorLayer, TrainStep
 from desplat_ns.separation.placement import distractor_weight
 from desplat_ns.settings.effects import Effects
@@ -114,10 +113,10 @@ class DeSplatModel(SplatfactoModel):
         num_views, scale, effects = self.num_train_data, self.schedule.scale, self.effects
         pixels = int((cameras.width * cameras.height).sum())
         assert isinstance(self.strategy, DefaultStrategy)
-        reduced = config.downscale_factor(0, pixels // num_views) if config.first_megapixels else 1
+        smaller = config.downscale_factor(0, pixels // num_views) if config.first_megapixels else 1
         self.strategy = StaticStrategy.in_place_of(
             self.strategy,
-            grow_grad2d=config.densify_grad_thresh / math.sqrt(reduced),
+            grow_grad2d=config.densify_grad_thresh / math.sqrt(smaller),
             reset_every=config.reset_every,
             pause_refine_after_reset=pause_after_reset(num_views, config.reset_every, scale),
             most=config.most_gaussians(pixels, self.kwargs.get("device", "cpu")),
@@ -334,7 +333,7 @@ class DeSplatModel(SplatfactoModel):
         """An image [H, W, C] at the step's size, where it is smaller by area; Splatfacto's hook."""
         height, width = image.shape[:2]
         size = self._size_at_hand(width, height)
-        return image if size == (width, height) else pooled(image, size).permute(1, 2, 0)
+        return image if size == (width, height) else reduced(image, size)
 
     def _others(self) -> dict[str, Tensor]:
         """The other terms of Splatfacto (nerfstudio 1.1.5), and what `opacity-prior` charges."""

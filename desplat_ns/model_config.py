@@ -31,6 +31,10 @@ bytes were measured (docs/results/speed.md)."""
 MEMORY_SHARE = 0.5
 """Of the memory; the rest is for photos, images and other programs."""
 
+SIZES = 4
+"""Sizes that photos have from one to twice their sides as they grow: a few, since a GPU keeps what
+it needs for each."""
+
 
 @dataclass
 class DeSplatModelConfig(SplatfactoModelConfig):
@@ -118,7 +122,8 @@ class DeSplatModelConfig(SplatfactoModelConfig):
         first, end = self.first_megapixels, self.num_downscales * self.resolution_schedule
         if first > 0:
             left = max(0.0, 1.0 - step / end) if end > 0 else 0.0
-            reduced = max(1.0, math.sqrt(pixels / (1e6 * first))) ** left
+            halvings = 0.5 * math.log2(max(1.0, pixels / (1e6 * first)))
+            reduced = 2.0 ** (round(SIZES * halvings * left) / SIZES)
         else:
             reduced = 2.0 ** max(0, self.num_downscales - step // self.resolution_schedule)
         return max(float(self.train_downscale), reduced)

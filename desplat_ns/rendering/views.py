@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+import cv2
 import torch
-from jaxtyping import Bool, Float
+import torch.nn.functional as F
+from jaxtyping import Bool, Float, Shaped
 from nerfstudio.cameras.cameras import Cameras, CameraType
 from torch import Tensor
 
@@ -56,6 +58,16 @@ def view_of(
     shown = (width, height) if size_of is None else size_of(width, height)
     scale = intrinsics.new_tensor([[shown[0] / width], [shown[1] / height], [1.0]])
     return View(world_to_camera(pose), intrinsics * scale, *shown)
+
+
+def reduced(image: Shaped[Tensor, "H W C"], size: tuple[int, int]) -> Shaped[Tensor, "h w C"]:
+    """An image at a smaller (width, height), each pixel the mean of the area that it covers. 8 bit
+    colours have 8 bits on a CPU, and are floats on a GPU."""
+    if image.is_cpu:
+        smaller = cv2.resize(image.numpy(), size, interpolation=cv2.INTER_AREA)
+        return torch.from_numpy(smaller.reshape(size[1], size[0], -1))
+    channels = image.permute(2, 0, 1).to(torch.float32)
+    return F.adaptive_avg_pool2d(channels, size[::-1]).permute(1, 2, 0)
 
 
 def views_of(cameras: Cameras) -> list[View]:

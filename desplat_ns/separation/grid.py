@@ -32,17 +32,13 @@ def fine_grid_of(width: int, height: int) -> tuple[int, int]:
     return min(2 * columns, width), min(2 * rows, height)
 
 
-def pooled(
-    image: Shaped[Tensor, "H W C"], grid: tuple[int, int]
-) -> Shaped[Tensor, "C rows columns"]:
+def pooled(image: Float[Tensor, "H W C"], grid: tuple[int, int]) -> Float[Tensor, "C rows columns"]:
     """Mean of an image over each cell of a grid of (columns, rows), no finer than the image.
 
-    A pixel counts in each cell by the part of it that lies there. Without gradients. On a CPU the
-    mean of 8 bit colours has 8 bits.
+    A pixel counts in each cell by the part of it that lies there. Without gradients.
     """
     image, (columns, rows) = image.detach(), grid
     if not image.is_cpu:
-        image = image if image.is_floating_point() else image.float()
         down = _shares(image.shape[0], rows, image.dtype, image.device)
         along = _shares(image.shape[1], columns, image.dtype, image.device)
         return torch.einsum("rh,hwc,kw->crk", down, image, along)
