@@ -14,6 +14,7 @@ from desplat_ns import trainer as trainer_module
 from desplat_ns.datamanager import DeSplatDataManager
 from desplat_ns.errors import ConfigError
 from desplat_ns.pipeline import DeSplatPipeline
+from desplat_ns.training import clock as trainer_clock
 from desplat_ns.training import schedule
 from desplat_ns.training.checkpoint import load_newest
 
@@ -34,7 +35,8 @@ def clock(monkeypatch) -> SimpleNamespace:
     monkeypatch.setattr(trainer_module, "process_started", lambda: 0.0)
     monkeypatch.setattr(trainer_module, "compile_kernels", compile_kernels)
     monkeypatch.setattr(schedule, "END_SECONDS", 0.5)
-    monkeypatch.setattr(trainer_module, "TIMED_STEPS", 6)
+    for price in ("GAUSSIAN", "LAYER", "LOOK"):
+        monkeypatch.setattr(trainer_clock, price, 0)
     monkeypatch.setattr(schedule, "FEWEST_STEPS", 12)  # photos are tiny, and so are these runs
     monkeypatch.setattr(schedule, "STEPS_WANTED", 16)
     losses, load = DeSplatPipeline.get_train_loss_dict, DeSplatDataManager._load_images
