@@ -205,7 +205,7 @@ class DeSplatTrainer(Trainer):
         first, step = max(kept.config.downscale_factor(0), 2 * last), kept.config.sh_degree
         timed: dict[float, list[float]] = {first: [], last: []}
         pipeline.start_model_anew()
-        model = pipeline.model
+        model: Any = pipeline.model
         model.schedule, model.config.sh_degree_interval = Schedule(), 1  # all harmonics
         self.optimizers = self._guarded_optimizers()
         self.optimizers.is_logged = model.is_logged = False
