@@ -21,6 +21,7 @@ import numpy as np
 from jaxtyping import Bool, Float, UInt8
 from PIL import Image
 
+from desplat_ns.console import time_in_words
 from desplat_ns.errors import ConfigError
 
 LADDER = ((1024, 80), (800, 70), (640, 60), (480, 55), (320, 50), (160, 40))
@@ -50,14 +51,6 @@ def template(path: Path, **filters: Callable[..., Any]) -> jinja2.Template:
     )
     environment.filters |= {"time": time_in_words, **filters}
     return environment.from_string(path.read_text("utf8"))
-
-
-def time_in_words(seconds: float) -> str:
-    """45 s, 2 min 5 s, 1 h 20 min, 2 h."""
-    whole = round(seconds)
-    units = [("h", whole // 3600), ("min", whole % 3600 // 60)]
-    units += [("s", whole % 60)] if whole < 3600 else []
-    return " ".join(f"{count} {unit}" for unit, count in units if count) or "0 s"
 
 
 @dataclass(frozen=True)

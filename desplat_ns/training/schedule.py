@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -109,14 +109,6 @@ class Schedule:
         return True
 
 
-TIMED_STEPS = 10
-"""First steps that are timed where a run has a budget."""
-
-GROWTH = 1.5
-"""Ratio of the seconds of a step averaged over a run to those of its first steps, at the same photo
-size. The set grows by a factor of 2 to 7, and 7 times the Gaussians double a step's CPU time. The
-clock corrects what this gets wrong."""
-
 STEPS_WANTED = 500
 """Photos are trained on at half of their size where fewer steps fit."""
 
@@ -163,22 +155,22 @@ class BudgetPlan:
 
 
 def plan_budget(
-    budget: float, spent: float, timed: tuple[float, float], downscale: int, most: int
+    budget: float, spent: float, timed: Sequence[float], downscale: int, most: int
 ) -> BudgetPlan:
     """How many steps fit into a budget, and with photos of which size.
 
     Args:
         budget, spent: seconds, in all and until now.
-        timed: seconds of a first step, with photos reduced by `downscale` and by twice that.
+        timed: mean seconds of a step, with photos reduced by `downscale` and by twice that.
         downscale: the least reduction of photos.
         most: steps, at most.
 
     Raises:
         ConfigError: fewer than `FEWEST_STEPS` fit, and more are wanted.
     """
-    left, a_step = budget - spent - END_SECONDS, GROWTH * timed[0]
+    left, a_step = budget - spent - END_SECONDS, timed[0]
     if left / a_step < min(STEPS_WANTED, most):
-        a_step, downscale = GROWTH * timed[1], 2 * downscale
+        a_step, downscale = timed[1], 2 * downscale
     steps, fewest = min(most, int(left / a_step)), min(FEWEST_STEPS, most)
     if steps < fewest:
         needed = spent + END_SECONDS + 1.2 * fewest * a_step
