@@ -201,8 +201,9 @@ class DeSplatTrainer(Trainer):
         """
         pipeline, manager, kept = self.pipeline, self.pipeline.datamanager, self.pipeline.model
         state, order = resume.rng_state(), manager.sampler_state()
-        last = kept.config.downscale_factor(self.config.nominal_num_iterations)
-        first, step = max(kept.config.downscale_factor(0), 2 * last), kept.config.sh_degree
+        sizes, pixels = kept.config.downscale_factor, manager.get_train_rays_per_batch()
+        last = sizes(self.config.nominal_num_iterations, pixels)
+        first, step = max(sizes(0, pixels), 2 * last), kept.config.sh_degree
         timed: dict[float, list[float]] = {first: [], last: []}
         pipeline.start_model_anew()
         model: Any = pipeline.model
@@ -211,7 +212,7 @@ class DeSplatTrainer(Trainer):
         self.optimizers.is_logged = model.is_logged = False
         pipeline.train()
         for factor in (first, *each * [first], *each * [last]):
-            began, model.config.downscale_factor = self._seconds(), lambda _, now=factor: now
+            began, model.config.downscale_factor = self._seconds(), lambda *_, now=factor: now
             model.step_cb(self.optimizers, step)
             super().train_iteration(step)
             model.step_post_backward(step)
@@ -222,7 +223,6 @@ class DeSplatTrainer(Trainer):
         resume.restore_rng(state)
         manager.load_sampler_state(order)
         small, whole = median(timed[first][1:]), median(timed[last])  # the first reads photos
-        pixels = manager.get_train_rays_per_batch()
         pixel = max(0.0, whole - small) / (pixels / last**2 - pixels / first**2)
         return max(0.0, whole - pixel * pixels / last**2), pixel
 

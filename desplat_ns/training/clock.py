@@ -64,7 +64,7 @@ class Clock:
         ahead = max(0.0, min(1.0, at / config.stop_split_at) - done)
         count = now + ahead * (now - start + SHARE * ADDED) / (done - begun + SHARE)
         drawn = self.pipeline.datamanager.get_train_rays_per_batch()
-        drawn /= config.downscale_factor(at) ** 2
+        drawn /= config.downscale_factor(at, drawn) ** 2
         if model.layer is not None and at >= warmup:
             drawn += LAYER * drawn + LOOK * (schedule.nominal(step - model.num_train_data) < warmup)
         drawn += GAUSSIAN * (min(model.strategy.most, count) - start)

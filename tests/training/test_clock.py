@@ -15,7 +15,7 @@ SIZE, VIEWS, STEPS, START, WARMUP = 100_000, 40, 1_000, 5_000, 6_000
 FIXED, PIXEL = 0.02, 1e-6
 
 
-def a_run(downscale: Callable[[int], float] = lambda _: 1, layer: Any = None, most=10**9) -> Any:
+def a_run(downscale: Callable[..., float] = lambda *_: 1, layer: Any = None, most=10**9) -> Any:
     """What a clock asks of a pipeline: a run of `STEPS` steps that has done none."""
     config = SimpleNamespace(downscale_factor=downscale, stop_split_at=15_000)
     config.distractors = SimpleNamespace(static_warmup=WARMUP)
@@ -27,7 +27,7 @@ def a_run(downscale: Callable[[int], float] = lambda _: 1, layer: Any = None, mo
     return SimpleNamespace(model=model, datamanager=rays)
 
 
-def halves(nominal: int) -> float:
+def halves(nominal: int, _: float) -> float:
     return 4 if nominal < 15_000 else 1
 
 
