@@ -60,7 +60,7 @@ def test_what_is_told_is_within_a_quarter_of_the_truth_once_growth_shows(added, 
         done = min(1.0, run.model.schedule.nominal(step) / 15_000)
         run.model.nominal_step = run.model.schedule.nominal(step)
         run.model.gauss_params["means"] = range(round(START + done * added))
-        drawn = SIZE / halves(run.model.nominal_step) ** 2
+        drawn = SIZE / halves(run.model.nominal_step, SIZE) ** 2
         if run.model.nominal_step >= WARMUP:
             drawn += LAYER * drawn + LOOK * (step < 200 + VIEWS)
         drawn += GAUSSIAN * done * added
