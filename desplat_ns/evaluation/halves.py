@@ -66,10 +66,12 @@ def embedding_from_left_half(
             static = model.render_static(view, average)
             behind = model.background_of(view, average)
             image = over_background(static.rgb, static.alpha, behind)
-        pixels = [part[counts] for part in (image, photo, squared_radius(view))]
-        order = torch.randperm(len(pixels[0]), generator=torch.Generator().manual_seed(0))
-        chosen = order[:FITTED_PIXELS].sort().values
-        return fit_response(*(part[chosen.to(part.device)] for part in pixels), average)
+        rows = counts.flatten().nonzero()[:, 0]
+        order = torch.randperm(len(rows), generator=torch.Generator().manual_seed(0))
+        rows = rows[order[:FITTED_PIXELS].sort().values.to(rows.device)]
+        parts = (image, photo, squared_radius(view))
+        rgb, seen, radius2 = (part.flatten(0, 1)[rows] for part in parts)
+        return fit_response(rgb, seen, radius2, average)
     factor = max(1, round(math.sqrt(view.height * view.width / FITTED_PIXELS)))
     columns = view.width // 2 // factor
     draw = as_function_of_embedding(model, view_of(camera, downscale=factor), columns)

@@ -104,13 +104,14 @@ def fit_response(
     prior = len(rgb) / OBSERVATIONS * torch.tensor(PRIOR_STD).to(rgb).pow(-2).diag()
     unit = torch.eye(NUMBERS).to(rgb)
 
+    def response(numbers: Tensor) -> Tensor:
+        return camera_response(rgb, numbers, radius2)
+
     def fitted(widest: float) -> tuple[float, Tensor]:
         numbers, loss = mean, rgb.new_zeros(())
         for i in range(FIT_ROUNDS + 1):
             scale = OUTLIER * max(1.0, widest * 0.75**i)
-            image, by_gamma = jvp(
-                lambda numbers: camera_response(rgb, numbers, radius2), (numbers,), (unit[3],)
-            )
+            image, by_gamma = jvp(response, (numbers,), (unit[3],))[:2]
             error = (photo - image).reshape(-1)
             share = (1 + (error / scale).square()).reciprocal()
             ridge = prior * (1.4826 * error.abs().median()).clamp(min=FLOOR).square()
