@@ -18,7 +18,7 @@ from typing import Any, Literal, cast
 
 import psutil
 import torch
-from nerfstudio.engine.callbacks import TrainingCallbackLocation
+from nerfstudio.engine.callbacks import TrainingCallback, TrainingCallbackLocation
 from nerfstudio.engine.optimizers import Optimizers
 from nerfstudio.engine.trainer import Trainer
 from nerfstudio.utils import writer
@@ -63,6 +63,9 @@ from desplat_ns.training.schedule import (
 from desplat_ns.training.step_guard import GuardedOptimizers
 from desplat_ns.training.stop_signals import on_stop_signal
 
+MOST_UNSAVED = 300.0
+"""Seconds of training that a kill may cost: `steps_per_save` may be an hour of large photos."""
+
 
 @dataclass
 class DeSplatTrainerConfig(RunConfig):
@@ -99,6 +102,7 @@ class DeSplatTrainer(Trainer):
         self._clock: Clock | None = None
         self._last_end = self._last_told = 0.0
         self._folder_lock = ExitStack()
+        self._save_by = 0.0
 
     # --- before the first step ---------------------------------------------------------------
 
@@ -128,6 +132,9 @@ class DeSplatTrainer(Trainer):
                 self._settle(plan)
                 self._started -= plan.spent
             super().setup(test_mode)
+            if config.steps_per_save:
+                after_step = [TrainingCallbackLocation.AFTER_TRAIN_ITERATION]
+                self.callbacks.append(TrainingCallback(after_step, self._save_if_late))
             with plain_errors(self.base_dir, "--output-dir"):
                 config.write_config()
                 if findings is not None:
@@ -272,6 +279,7 @@ class DeSplatTrainer(Trainer):
         # nerfstudio 1.1.5 trains as many steps *more*; only its loop is to see the smaller number
         self.config = copy.copy(whole)
         self.config.max_num_iterations = remaining
+        self._save_by = time.monotonic() + MOST_UNSAVED
         try:
             with on_stop_signal(self._stop_after_this_step):
                 super().train()
@@ -374,6 +382,12 @@ class DeSplatTrainer(Trainer):
 
     # --- checkpoints -------------------------------------------------------------------------
 
+    def _save_if_late(self, step: int) -> None:
+        """Save after a step, the refinement that follows it included, if the last save is
+        `MOST_UNSAVED` seconds ago."""
+        if time.monotonic() >= self._save_by:
+            self.save_checkpoint(step)
+
     @check_main_thread
     def save_checkpoint(self, step: int) -> None:
         """Save the state after `step`, whole or not at all; only afterwards older ones go, but for
@@ -382,15 +396,17 @@ class DeSplatTrainer(Trainer):
         Where it cannot be written on the way, that is said and training goes on: hours of it are
         worth more than one save. Raises CheckpointError where the run's last one cannot.
         """
-        path = checkpoint_path(self.checkpoint_dir, step)
+        path, began = checkpoint_path(self.checkpoint_dir, step), time.monotonic()
         try:
             save_atomically(self._state(step), path)
         except CheckpointError as error:
             if self.training_state == "completed":  # nerfstudio sets it before the last save
                 raise
-            every = self.config.steps_per_save
-            announce(f"{error} Training goes on; the next try is in {every} steps.", warning=True)
+            announce(f"{error} Training goes on, and tries again later.", warning=True)
             return
+        finally:
+            now = time.monotonic()
+            self._save_by = now + max(MOST_UNSAVED, 50 * (now - began))  # saving takes 2% at most
         if self.config.save_only_latest_checkpoint:
             remove_older(path)
 

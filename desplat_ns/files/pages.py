@@ -65,7 +65,7 @@ class Picture:
         """A data address that holds it as WebP, at most `side` pixels long where `share` is 1."""
         buffer = io.BytesIO()
         pixels = shrunk(self.pixels, max(1, round(side * self.share)))
-        Image.fromarray(pixels).save(buffer, "WEBP", quality=quality)
+        Image.fromarray(pixels).save(buffer, "WEBP", quality=quality, method=2)
         return f"data:image/webp;base64,{base64.b64encode(buffer.getvalue()).decode()}"
 
 
