@@ -3,7 +3,7 @@ corrected by those that are done."""
 
 from __future__ import annotations
 
-from math import exp
+from math import exp, sqrt
 from typing import Any
 
 from desplat_ns.training.schedule import Schedule
@@ -19,10 +19,10 @@ GAUSSIAN, LAYER, LOOK = 7, 0.4, 2_000_000
 static Gaussian more than at the start, 6 to 11; distractors, for each of the photo's pixels, 0 to
 0.6; and asking the other photos about one, once for each when the warm-up is over."""
 
-ADDED, SHARE = 40_000, 0.2
-"""Gaussians by which a static set is expected to grow: 15,000 to 50,000 were seen, on photos of
-130,000 to 520,000 pixels, whatever the number of points. And the share of the refinements after
-which what has grown says as much of what will."""
+ADDED, SHARE = 85_000, 0.2
+"""Gaussians by which a static set is expected to grow, times the root of a photo's megapixels:
+13,000 were seen on 0.03 megapixels, 43,000 to 131,000 on 0.4 to 0.5. And the share of the
+refinements after which what has grown says as much of what will."""
 
 TRUST, MEMORY = 5.0, 60.0
 """Seconds of steps that say as much of the run's pace as the trial does; and after which a step
@@ -61,9 +61,12 @@ class Clock:
         if schedule.plan is not None:  # its clock knows of no step but the one at hand
             schedule = Schedule(schedule.scale)
         at = schedule.nominal(step)
-        ahead = max(0.0, min(1.0, at / config.stop_split_at) - done)
-        count = now + ahead * (now - start + SHARE * ADDED) / (done - begun + SHARE)
         drawn = self.pipeline.datamanager.get_train_rays_per_batch()
+        ahead, added = (
+            max(0.0, min(1.0, at / config.stop_split_at) - done),
+            ADDED * sqrt(drawn / 1e6),
+        )
+        count = now + ahead * (now - start + SHARE * added) / (done - begun + SHARE)
         drawn /= config.downscale_factor(at, drawn) ** 2
         if model.layer is not None and at >= warmup:
             drawn += LAYER * drawn + LOOK * (schedule.nominal(step - model.num_train_data) < warmup)

@@ -36,7 +36,9 @@ def test_larger_photos_that_are_coming_and_the_end_of_growth_are_counted():
     seconds = STEPS * (FIXED + PIXEL * SIZE * (1 / 16 + 1) / 2)
     assert Clock(run, FIXED, PIXEL).left(0, STEPS) == pytest.approx(seconds, rel=1e-9)
     grown = Clock(a_run(halves), FIXED, PIXEL).left(0, STEPS) - seconds
-    assert grown == pytest.approx(STEPS * PIXEL * GAUSSIAN * ADDED * 0.75, rel=2e-3)
+    assert grown == pytest.approx(
+        STEPS * PIXEL * GAUSSIAN * ADDED * (SIZE / 1e6) ** 0.5 * 0.75, rel=2e-3
+    )
 
 
 def test_distractors_and_the_first_looks_come_after_the_warm_up():
