@@ -11,7 +11,6 @@ from collections.abc import Callable
 import torch
 from jaxtyping import Float, Shaped
 from nerfstudio.cameras.cameras import Cameras
-from nerfstudio.models.splatfacto import resize_image
 from torch import Tensor
 
 from desplat_ns.backend.accumulated_weights import accumulated_weights
@@ -23,7 +22,7 @@ from desplat_ns.model import DeSplatModel
 from desplat_ns.photo_tourism.camera_response import fit_response, squared_radius
 from desplat_ns.photo_tourism.image_effects import FEATURES
 from desplat_ns.rendering.layers import over_background
-from desplat_ns.rendering.views import view_of
+from desplat_ns.rendering.views import reduced, view_of
 
 FITTED_PIXELS = 100_000
 """Pixels of which a photo's light is found: a few numbers need no more. Of a larger photo the
@@ -73,10 +72,15 @@ def embedding_from_left_half(
         rgb, seen, radius2 = (part.flatten(0, 1)[rows] for part in parts)
         return fit_response(rgb, seen, radius2, average)
     factor = max(1, round(math.sqrt(view.height * view.width / FITTED_PIXELS)))
-    columns = view.width // 2 // factor
-    draw = as_function_of_embedding(model, view_of(camera, downscale=factor), columns)
+    smaller = view_of(camera, size_of=lambda width, height: (width // factor, height // factor))
+    columns = view.width // 2 * smaller.width // view.width  # whole ones: none sees the right half
+    draw = as_function_of_embedding(model, smaller, columns)
     weight = torch.ones_like(photo[..., :1]) if mask is None else (mask != 0).to(photo)
-    target, weight = (resize_image(each, factor)[:, :columns] for each in (photo * weight, weight))
+    target = photo * weight
+    if factor > 1:
+        size = smaller.width, smaller.height
+        target, weight = reduced(target, size), reduced(weight, size)
+    target, weight = target[:, :columns], weight[:, :columns]
     with torch.enable_grad():
         embedding = average.detach().clone().requires_grad_()
         optimizer = torch.optim.Adam([embedding], lr=config.learning_rate)

@@ -67,7 +67,7 @@ def reduced(image: Shaped[Tensor, "H W C"], size: tuple[int, int]) -> Shaped[Ten
         smaller = cv2.resize(image.numpy(), size, interpolation=cv2.INTER_AREA)
         return torch.from_numpy(smaller.reshape(size[1], size[0], -1))
     channels = image.permute(2, 0, 1).to(torch.float32)
-    return F.adaptive_avg_pool2d(channels, size[::-1]).permute(1, 2, 0)
+    return F.adaptive_avg_pool2d(channels, (size[1], size[0])).permute(1, 2, 0)
 
 
 def views_of(cameras: Cameras) -> list[View]:
