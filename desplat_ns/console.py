@@ -55,6 +55,21 @@ def text_of(name: str) -> str:
     return os.fsencode(name).decode(errors="backslashreplace")
 
 
+def time_in_words(seconds: float) -> str:
+    """45 s, 2 min 5 s, 1 h 20 min, 2 h."""
+    whole = round(seconds)
+    units = [("h", whole // 3600), ("min", whole % 3600 // 60)]
+    units += [("s", whole % 60)] if whole < 3600 else []
+    return " ".join(f"{count} {unit}" for unit, count in units if count) or "0 s"
+
+
+def about(seconds: float) -> str:
+    """An estimate, in words: about 45 s, about 4 min 30 s, about 12 min, about 1 h 20 min."""
+    steps = ((120, 5), (600, 30), (3600, 60))
+    unit = next((unit for end, unit in steps if seconds < end), 600)
+    return f"about {time_in_words(float(unit * round(seconds / unit)))}"
+
+
 @contextmanager
 def progress_over(total: int, label: str) -> Iterator[Any]:
     """A bar on the console; calling what is yielded advances it by one."""

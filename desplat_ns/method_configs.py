@@ -101,6 +101,8 @@ def desplat_model(effects: EffectsConfig) -> DeSplatModelConfig:
         effects=effects,
         appearance=AppearanceConfig(mlp_scale=1.0),
         distractors=separating_distractors(),
+        first_megapixels=0.05,
+        resolution_schedule=12_000,
         gaussians_per_pixel=0.05,
         opacity_prior=0.2,
         near_plane=0.2,

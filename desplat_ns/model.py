@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from functools import cached_property
@@ -53,7 +54,7 @@ from desplat_ns.photo_tourism.shown_light import ShownLight
 from desplat_ns.rendering.layers import layered_outputs, over_background, static_outputs
 from desplat_ns.rendering.metrics import LazyLpips, image_metrics
 from desplat_ns.rendering.near_plane import sampled, scene_start, stands_clear
-from desplat_ns.rendering.views import held, view_of
+from desplat_ns.rendering.views import held, reduced, view_of
 from desplat_ns.separation.layer import DistractorLayer, TrainStep
 from desplat_ns.separation.placement import distractor_weight
 from desplat_ns.settings.effects import Effects
@@ -112,8 +113,10 @@ class DeSplatModel(SplatfactoModel):
         num_views, scale, effects = self.num_train_data, self.schedule.scale, self.effects
         pixels = int((cameras.width * cameras.height).sum())
         assert isinstance(self.strategy, DefaultStrategy)
+        smaller = config.downscale_factor(0, pixels // num_views) if config.first_megapixels else 1
         self.strategy = StaticStrategy.in_place_of(
             self.strategy,
+            grow_grad2d=config.densify_grad_thresh / math.sqrt(smaller),
             reset_every=config.reset_every,
             pause_refine_after_reset=pause_after_reset(num_views, config.reset_every, scale),
             most=config.most_gaussians(pixels, self.kwargs.get("device", "cpu")),
@@ -313,13 +316,24 @@ class DeSplatModel(SplatfactoModel):
             self.get_gt_img(batch["image"]), outputs["background"]
         )
 
+    def get_gt_img(self, image: Tensor) -> Tensor:
+        """A photo [H, W, C] in [0, 1] at the step's size; 8 bit ones are reduced as such."""
+        small = self._downscale_if_required(image).to(self.device)
+        return small.float() / 255.0 if image.dtype == torch.uint8 else small
+
     def mask_of(self, batch: dict[str, Any], device: torch.device) -> Tensor | None:
         """The user's mask [H, W, 1], True in the pixels that count: where photos are smaller than
         they are, if at least half of the rectangle counts (`resize_mask`). None if there is none.
         """
         if "mask" not in batch:
             return None
-        return (self._downscale_if_required(batch["mask"]) >= 0.5).to(device)
+        return (self._downscale_if_required(batch["mask"].float()) >= 0.5).to(device)
+
+    def _downscale_if_required(self, image: Tensor) -> Tensor:
+        """An image [H, W, C] at the step's size, where it is smaller by area; Splatfacto's hook."""
+        height, width = image.shape[:2]
+        size = self._size_at_hand(width, height)
+        return image if size == (width, height) else reduced(image, size)
 
     def _others(self) -> dict[str, Tensor]:
         """The other terms of Splatfacto (nerfstudio 1.1.5), and what `opacity-prior` charges."""
@@ -369,10 +383,11 @@ class DeSplatModel(SplatfactoModel):
     def _weights_of(self, params: RawParameters) -> Tensor:
         """Contributions [N] of distractors of the view just drawn, in pixels of its full size."""
         assert self.train_step is not None
-        settings = self.render_settings(depth=False)
+        settings, view = self.render_settings(depth=False), self.train_step.view
         splats = activate_distractors(params)
-        drawn = accumulated_weights(self.rasterizer, splats, self.train_step.view, settings)
-        return drawn * self._get_downscale_factor() ** 2
+        drawn = accumulated_weights(self.rasterizer, splats, view, settings)
+        camera = self.kwargs["metadata"]["train_cameras"][self.train_step.index]
+        return drawn * (int(camera.width) * int(camera.height) / (view.width * view.height))
 
     def view_name(self) -> str:
         """The training photo of the step at hand."""
@@ -404,13 +419,16 @@ class DeSplatModel(SplatfactoModel):
         if index is not None:
             camera.metadata = {**(camera.metadata or {}), "cam_idx": index}
             pose = self.camera_optimizer.apply_to_camera(camera)
-        view = view_of(camera, pose[0], self._get_downscale_factor())
+        view = view_of(camera, pose[0], self._size_at_hand)
         self.last_size = (view.height, view.width)
         return view
 
-    def _get_downscale_factor(self) -> int:
-        """By how much photos are smaller than they are; Splatfacto's hook."""
-        return self.config.downscale_factor(self.nominal_step) if self.training else 1
+    def _size_at_hand(self, width: int, height: int) -> tuple[int, int]:
+        """Width and height in which a photo of a size is trained on in the step at hand."""
+        if not self.training:
+            return width, height
+        factor = self.config.downscale_factor(self.nominal_step, width * height)
+        return max(1, round(width / factor)), max(1, round(height / factor))
 
     def render_settings(self, depth: bool) -> RenderSettings:
         return RenderSettings(

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 from importlib import import_module
 
-import psutil
 import torch
 from nerfstudio.models.splatfacto import SplatfactoModelConfig
 
 from desplat_ns.backend import BackendName
 from desplat_ns.backend.spherical_harmonics import MAX_DEGREE
+from desplat_ns.cores import memory as machine_memory
 from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.gaussians.strategy import UNLIMITED
 from desplat_ns.photo_tourism.config import AppearanceConfig, BackgroundConfig
@@ -18,7 +19,6 @@ from desplat_ns.settings.effects import EffectsConfig
 from desplat_ns.settings.options import check_ranges, ranged
 from desplat_ns.training.schedule import (
     SPLATFACTOS_INTERVAL,
-    photo_downscale,
     steps_between_refinements,
 )
 
@@ -30,6 +30,10 @@ bytes were measured (docs/results/speed.md)."""
 
 MEMORY_SHARE = 0.5
 """Of the memory; the rest is for photos, images and other programs."""
+
+SIZES = 4
+"""Sizes that photos have from one to twice their sides as they grow: a few, since a GPU keeps what
+it needs for each."""
 
 
 @dataclass
@@ -62,6 +66,13 @@ class DeSplatModelConfig(SplatfactoModelConfig):
     """Refinements of the static set in a run, whatever its length: they are as many steps apart as
     `stop_split_at` has by this number, and at least half a round of the views. See
     docs/explain/separation.md, "How often Gaussians are refined"."""
+    first_megapixels: float = ranged(0.0, "[0, inf)")
+    """Size of training photos at the start: a coarse scene has no use for more, and a step costs
+    less. Their sides grow by equal factors in equal times, and reach their full length when
+    Splatfacto's would, after `num_downscales` times `resolution_schedule` steps. The threshold of
+    growth is divided by the root of the reduction at the start: in photos of more pixels a Gaussian
+    that covers as many of them has a smaller gradient. 0 for Splatfacto's sizes (2^num_downscales
+    times smaller, halved every `resolution_schedule` steps) and its threshold."""
     train_downscale: int = ranged(1, "[1, inf)")
     """Factor by which photos are smaller in training at least, to the end; a step then costs less.
     Renderings and evaluation have their full size."""
@@ -106,12 +117,16 @@ class DeSplatModelConfig(SplatfactoModelConfig):
         scale = self.schedule_scale or 1.0
         return self.distractors.warmup_of(num_views, self.warmup_length, scale)
 
-    def downscale_factor(self, step: int) -> int:
-        """By how much photos are smaller at a nominal step: with a warm-up, small photos are over
-        by the middle of it. Call it on what `for_run` gave."""
-        warmup = self.distractors.static_warmup
-        usual = photo_downscale(step, self.num_downscales, self.resolution_schedule, warmup)
-        return max(self.train_downscale, usual)
+    def downscale_factor(self, step: int, pixels: int) -> float:
+        """By how much the sides of photos of so many pixels are smaller at a nominal step."""
+        first, end = self.first_megapixels, self.num_downscales * self.resolution_schedule
+        if first > 0:
+            left = max(0.0, 1.0 - step / end) if end > 0 else 0.0
+            halvings = 0.5 * math.log2(max(1.0, pixels / (1e6 * first)))
+            reduced = 2.0 ** (round(SIZES * halvings * left) / SIZES)
+        else:
+            reduced = 2.0 ** max(0, self.num_downscales - step // self.resolution_schedule)
+        return max(float(self.train_downscale), reduced)
 
     @property
     def reset_every(self) -> int:
@@ -127,7 +142,7 @@ class DeSplatModelConfig(SplatfactoModelConfig):
         if device.type == "cuda":
             memory = torch.cuda.get_device_properties(device).total_memory
         else:
-            memory = psutil.virtual_memory().total  # what is built in: the same at any load
+            memory = machine_memory()[0]  # what is built in: the same at any load
         room = int(MEMORY_SHARE * memory) // BYTES_A_GAUSSIAN
         wanted = round(self.gaussians_per_pixel * pixels)
         return min(wanted, room) if self.gaussians_per_pixel > 0 else room

@@ -56,7 +56,7 @@ class RunConfig(TrainerConfig):
     """Train also where most photos show something else at the points than the others do, or masks
     leave nothing of most."""
     budget: str = ""
-    """Wall time for the run, for example 10min: start-up, training and saving. The first steps are
+    """Wall time for the run, for example 10min: start-up, training and saving. Trial steps are
     timed, and decide how many there will be, at most `max_num_iterations`, and how large photos
     are; then schedules follow the clock. Compiling kernels, once for each machine, does not count.
     """

@@ -9,7 +9,7 @@ import copy
 import sys
 import time
 from contextlib import ExitStack, suppress
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import cache, partial
 from pathlib import Path
 from shlex import quote
@@ -18,7 +18,7 @@ from typing import Any, Literal, cast
 
 import psutil
 import torch
-from nerfstudio.engine.callbacks import TrainingCallbackLocation
+from nerfstudio.engine.callbacks import TrainingCallback, TrainingCallbackLocation
 from nerfstudio.engine.optimizers import Optimizers
 from nerfstudio.engine.trainer import Trainer
 from nerfstudio.utils import writer
@@ -27,11 +27,14 @@ from nerfstudio.utils.misc import step_check
 from torch.optim.lr_scheduler import LambdaLR
 
 from desplat_ns.backend.registry import compile_kernels
-from desplat_ns.console import announce
+from desplat_ns.console import about, announce
 from desplat_ns.datamanager import DeSplatDataManagerConfig, training_split
 from desplat_ns.errors import CaptureError, CheckpointError
 from desplat_ns.files.whole import plain_errors
-from desplat_ns.nerfstudio_quirks import train_on_where_logs_cannot_be_written
+from desplat_ns.nerfstudio_quirks import (
+    announce_above_the_table,
+    train_on_where_logs_cannot_be_written,
+)
 from desplat_ns.pipeline import DeSplatPipeline
 from desplat_ns.run_config import RunConfig, SavedRun
 from desplat_ns.runs.files import SURVEY
@@ -45,10 +48,12 @@ from desplat_ns.training.checkpoint import (
     save_atomically,
     step_of,
 )
+from desplat_ns.training.clock import TIMED_FROM, TOLD_EVERY, Clock
 from desplat_ns.training.optimizers import follow, load_moments, optimizer_options, set_position
 from desplat_ns.training.schedule import (
-    TIMED_STEPS,
+    END_SECONDS,
     BudgetPlan,
+    Schedule,
     early_rate_factor,
     plan_budget,
     rate_factor,
@@ -57,6 +62,9 @@ from desplat_ns.training.schedule import (
 )
 from desplat_ns.training.step_guard import GuardedOptimizers
 from desplat_ns.training.stop_signals import on_stop_signal
+
+MOST_UNSAVED = 300.0
+"""Seconds of training that a kill may cost: `steps_per_save` may be an hour of large photos."""
 
 
 @dataclass
@@ -80,6 +88,8 @@ class DeSplatTrainer(Trainer):
         self, config: DeSplatTrainerConfig, local_rank: int = 0, world_size: int = 1
     ) -> None:
         super().__init__(config, local_rank, world_size)
+        table = config.logging.local_writer  # its time left is that of steps as they are now
+        table.stats_to_track = tuple(s for s in table.stats_to_track if s != writer.EventName.ETA)
         train_on_where_logs_cannot_be_written()
         self._steps_done = 0
         self._saved: SavedRun | None = None
@@ -88,7 +98,11 @@ class DeSplatTrainer(Trainer):
         self._started = process_started()
         self._plan: BudgetPlan | None = None
         self._budget_is_up = False
+        self._prices: tuple[float, float] | None = None
+        self._clock: Clock | None = None
+        self._last_end = self._last_told = 0.0
         self._folder_lock = ExitStack()
+        self._save_by = 0.0
 
     # --- before the first step ---------------------------------------------------------------
 
@@ -118,6 +132,9 @@ class DeSplatTrainer(Trainer):
                 self._settle(plan)
                 self._started -= plan.spent
             super().setup(test_mode)
+            if config.steps_per_save:
+                after_step = [TrainingCallbackLocation.AFTER_TRAIN_ITERATION]
+                self.callbacks.append(TrainingCallback(after_step, self._save_if_late))
             with plain_errors(self.base_dir, "--output-dir"):
                 config.write_config()
                 if findings is not None:
@@ -132,8 +149,11 @@ class DeSplatTrainer(Trainer):
     def setup_optimizers(self) -> Optimizers:
         """Optimizers whose learning rates go by the clock of the run, as the model does."""
         config, photos = self.config, len(self.pipeline.datamanager.train_image_names)
+        ahead = config.max_num_iterations - (self._saved[1]["step"] + 1 if self._saved else 0)
         if config.budget:
             self._begin_budget(seconds_of(config.budget))
+        elif ahead >= TIMED_FROM:
+            self._prices = self._prices_of_steps(min(10, max(2, ahead // 100)))
         schedule = self.pipeline.model.schedule
         raised = rate_factor(photos, config.max_num_iterations, config.full_rate_visits)
         warmup, wanted = self._model_config.warmup_of(photos)
@@ -150,14 +170,17 @@ class DeSplatTrainer(Trainer):
         groups = self.pipeline.get_param_groups()
         return GuardedOptimizers(options, groups, lambda: self.pipeline.model)
 
-    # --- a budget ----------------------------------------------------------------------------
+    # --- time --------------------------------------------------------------------------------
 
     def _begin_budget(self, budget: float) -> None:
-        """Let schedules go by the clock; a new run is planned by its first steps."""
+        """Let schedules go by the clock; a new run is planned by trial steps."""
         plan = self._plan
         if plan is None:
             least, most = self._model_config.train_downscale, self.config.max_num_iterations
-            timed = self._time_steps(least)
+            self._prices, model, timed = self._prices_of_steps(4), self.pipeline.model, []
+            for size in (least, 2 * least):
+                model.config = replace(model.config, train_downscale=size)
+                timed.append(Clock(self.pipeline, *self._prices).left(0, most) / most)
             plan = plan_budget(budget, self._seconds(), timed, least, most)
             self._settle(plan)
             self.pipeline.start_model_anew()
@@ -176,27 +199,54 @@ class DeSplatTrainer(Trainer):
         config.steps_per_eval_batch = config.steps_per_eval_image = 0
         config.steps_per_eval_all_images = 0
 
-    def _time_steps(self, least: int) -> tuple[float, float]:
-        """Seconds of a step with photos reduced by `least`, and by twice that: medians of the first
-        steps but for one of each, which reads photos and loads kernels.
+    def _prices_of_steps(self, each: int) -> tuple[float, float]:
+        """Prices for a `Clock`, from steps on photos of the smallest and of the largest size that
+        are coming: medians of `each`.
 
-        The model is to be made anew afterwards: it had the settings of a run of another length.
+        Nothing of the run changes: another model trains, then random generators and the order of
+        photos are as before.
         """
-        timed: tuple[list[float], list[float]] = ([], [])
-        model = self.pipeline.model
-        model.config.num_downscales = 0
+        pipeline, manager, kept = self.pipeline, self.pipeline.datamanager, self.pipeline.model
+        state, order = resume.rng_state(), manager.sampler_state()
+        sizes, pixels = kept.config.downscale_factor, manager.get_train_rays_per_batch()
+        last = sizes(self.config.nominal_num_iterations, pixels)
+        first, step = max(sizes(0, pixels), 2 * last), kept.config.sh_degree
+        timed: dict[float, list[float]] = {first: [], last: []}
+        pipeline.start_model_anew()
+        model: Any = pipeline.model
+        model.schedule, model.config.sh_degree_interval = Schedule(), 1  # all harmonics
         self.optimizers = self._guarded_optimizers()
         self.optimizers.is_logged = model.is_logged = False
-        for step in range(TIMED_STEPS):
-            model.config.train_downscale, began = least * (1 + step % 2), self._seconds()
-            self.pipeline.train()
+        pipeline.train()
+        for factor in (first, *each * [first], *each * [last]):
+            began, model.config.downscale_factor = self._seconds(), lambda *_, now=factor: now
             model.step_cb(self.optimizers, step)
             super().train_iteration(step)
             model.step_post_backward(step)
             if self.device != "cpu":
                 torch.cuda.synchronize()
-            timed[step % 2].append(self._seconds() - began)
-        return median(timed[0][1:]), median(timed[1][1:])
+            timed[factor].append(self._seconds() - began)
+        pipeline._model = kept
+        resume.restore_rng(state)
+        manager.load_sampler_state(order)
+        small, whole = median(timed[first][1:]), median(timed[last])  # the first reads photos
+        pixel = max(0.0, whole - small) / (pixels / last**2 - pixels / first**2)
+        return max(0.0, whole - pixel * pixels / last**2), pixel
+
+    def _tell_time(self, step: int, began: float) -> None:
+        """Learn from a step that began at a time, and say once a minute what is left."""
+        now, clock = self._seconds(), self._clock
+        # what lies between two steps can be a pause, or an evaluation
+        seconds, self._last_end = min(now - self._last_end, 3 * (now - began)), now
+        if clock is None or step == self._start_step:  # which reads photos
+            return
+        clock.after_step(step, seconds)
+        if now - self._last_told >= TOLD_EVERY and step + 1 < self._total:
+            self._last_told, left = now, clock.left(step + 1, self._total)
+            of = f" of {self._total:,}"
+            if self._plan is not None:
+                left, of = min(left, seconds_of(self.config.budget) - END_SECONDS - now), ""
+            announce_above_the_table(f"Step {step + 1:,}{of}, {about(left)} left.")
 
     def _seconds(self) -> float:
         """Since the command began, without compiling; of a run that goes on all that is spent."""
@@ -210,7 +260,7 @@ class DeSplatTrainer(Trainer):
         read any more; what is trained is saved before."""
         whole = self.config
         total = whole.max_num_iterations if self._plan is None else self._plan.most
-        remaining = total - self._steps_done
+        self._total, remaining = total, total - self._steps_done
         if remaining <= 0:
             announce(
                 f"Nothing left to train: {self._steps_done} steps are done and "
@@ -221,9 +271,15 @@ class DeSplatTrainer(Trainer):
             return
         if self._saved_rng is not None:
             resume.restore_rng(self._saved_rng)
+        if self._prices is not None:
+            self._clock, self._last_told = Clock(self.pipeline, *self._prices), self._seconds()
+            left = about(self._clock.left(self._steps_done, total))
+            if self._plan is None:
+                announce(f"{left.capitalize()} on this machine for {remaining:,} steps.")
         # nerfstudio 1.1.5 trains as many steps *more*; only its loop is to see the smaller number
         self.config = copy.copy(whole)
         self.config.max_num_iterations = remaining
+        self._save_by = time.monotonic() + MOST_UNSAVED
         try:
             with on_stop_signal(self._stop_after_this_step):
                 super().train()
@@ -245,8 +301,10 @@ class DeSplatTrainer(Trainer):
         """One step; counts it as done once it is. Figures and rates are worked out where logged."""
         is_logged = step_check(step, self.config.logging.steps_per_log, run_at_zero=True)
         self.pipeline.model.is_logged = self.optimizers.is_logged = is_logged
+        began = self._seconds()
         loss, terms, metrics = super().train_iteration(step)
         self._steps_done = step + 1
+        self._tell_time(step, began)
         if self._stop_is_asked or self.optimizers.exhausted:
             self.stop_training = True  # nerfstudio clears it once its viewer is filled
         if self._plan is not None:
@@ -324,6 +382,12 @@ class DeSplatTrainer(Trainer):
 
     # --- checkpoints -------------------------------------------------------------------------
 
+    def _save_if_late(self, step: int) -> None:
+        """Save after a step, the refinement that follows it included, if the last save is
+        `MOST_UNSAVED` seconds ago."""
+        if time.monotonic() >= self._save_by:
+            self.save_checkpoint(step)
+
     @check_main_thread
     def save_checkpoint(self, step: int) -> None:
         """Save the state after `step`, whole or not at all; only afterwards older ones go, but for
@@ -332,15 +396,17 @@ class DeSplatTrainer(Trainer):
         Where it cannot be written on the way, that is said and training goes on: hours of it are
         worth more than one save. Raises CheckpointError where the run's last one cannot.
         """
-        path = checkpoint_path(self.checkpoint_dir, step)
+        path, began = checkpoint_path(self.checkpoint_dir, step), time.monotonic()
         try:
             save_atomically(self._state(step), path)
         except CheckpointError as error:
             if self.training_state == "completed":  # nerfstudio sets it before the last save
                 raise
-            every = self.config.steps_per_save
-            announce(f"{error} Training goes on; the next try is in {every} steps.", warning=True)
+            announce(f"{error} Training goes on, and tries again later.", warning=True)
             return
+        finally:
+            now = time.monotonic()
+            self._save_by = now + max(MOST_UNSAVED, 50 * (now - began))  # saving takes 2% at most
         if self.config.save_only_latest_checkpoint:
             remove_older(path)
 

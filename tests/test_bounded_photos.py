@@ -79,7 +79,9 @@ def assert_same_view(view: Any, other: Any) -> None:
 @pytest.mark.parametrize("free", [100_000, 80_000])
 def test_what_the_machine_can_spare_decides(tiny_scene, monkeypatch, free):
     """8 photos of 4,608 bytes are 36,864."""
-    monkeypatch.setattr(psutil, "virtual_memory", lambda: SimpleNamespace(available=free))
+    monkeypatch.setattr(
+        psutil, "virtual_memory", lambda: SimpleNamespace(available=free, total=free)
+    )
     photos = manager(RobustNerfDataParserConfig(data=tiny_scene.folder)).cached_train
     assert isinstance(photos, BoundedPhotos) == (SHARE * free < 8 * 4608)
 

@@ -6,11 +6,12 @@ from typing import Any
 
 import psutil
 import pytest
+import torch
 
 from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.gaussians.strategy import UNLIMITED
 from desplat_ns.model_config import DeSplatModelConfig
-from desplat_ns.settings.effects import EffectsConfig
+from tests.helpers.small_model import HEIGHT, WIDTH, camera, make_model
 
 SEPARATING = DistractorConfig(static_warmup=6000, refine_visits=5, start="residual")
 
@@ -44,7 +45,7 @@ def test_resets_keep_their_place_whatever_the_interval(every):
 
 def test_memory_is_a_ceiling_whatever_the_capture_could_hold(monkeypatch):
     """2,000 photos of 1600 x 1200 could hold 192 million; 16 GB have room for a few."""
-    memory = SimpleNamespace(total=16 * 10**9)
+    memory = SimpleNamespace(total=16 * 10**9, available=0)
     monkeypatch.setattr(psutil, "virtual_memory", lambda: memory)
     config = DeSplatModelConfig(gaussians_per_pixel=0.05)
     assert config.most_gaussians(40 * 135 * 240, "cpu") == 64_800
@@ -89,24 +90,39 @@ def test_the_warm_up_has_the_steps_that_a_scene_needs_and_15_visits_at_most(step
     assert distractors.static_warmup * steps / 30_000 == warmup
 
 
-def test_photos_have_half_their_size_by_the_middle_of_the_warm_up():
-    config = run_of(30000, 40, distractors=SEPARATING)
-    sizes = [config.downscale_factor(step) for step in range(7000)]
-    assert [sizes.index(factor) for factor in (4, 2, 1)] == [0, 300, 6000]  # warm-up: 600
+def test_photos_start_at_a_number_of_pixels_and_grow_evenly_to_their_full_size():
+    config = DeSplatModelConfig(first_megapixels=0.05, resolution_schedule=9000)
+    sides = [config.downscale_factor(step, 800_000) for step in (0, 9000, 18_000, 30_000)]
+    assert sides == pytest.approx([4, 2, 1, 1])
+    assert config.downscale_factor(0, 40_000) == 1
 
 
-@pytest.mark.parametrize(
-    "options",
-    [
-        {"distractors": DistractorConfig()},
-        {"effects": EffectsConfig(distractors=False)},
-        {"num_downscales": 0},
-    ],
-)
-def test_without_a_warm_up_photos_keep_splatfactos_sizes(options):
-    config = replace(
-        DeSplatModelConfig(distractors=DistractorConfig(static_warmup=6000)), **options
-    )
-    config = config.for_run(40)
-    sizes = [config.downscale_factor(step) for step in (0, 2999, 3000, 5999, 6000)]
-    assert sizes == ([1] * 5 if config.num_downscales == 0 else [4, 4, 2, 2, 1])
+@pytest.mark.parametrize("factor", [4, 2, 1])
+def test_photos_keep_splatfactos_sizes(factor):
+    config = DeSplatModelConfig(num_downscales=2)
+    step = {4: 2999, 2: 5999, 1: 6000}[factor]
+    assert config.downscale_factor(step, 800_000) == factor
+    assert replace(config, num_downscales=0).downscale_factor(step, 800_000) == 1
+
+
+def test_a_step_draws_a_photo_in_its_size():
+    model = make_model(first_megapixels=30 / 1e6, num_downscales=1, resolution_schedule=1000)
+    photo = torch.arange(WIDTH)[None, :, None].repeat(HEIGHT, 1, 3).to(torch.uint8)
+    for step in (0, 500, 1000):
+        model.step, model.optimizers = step, {}
+        outputs = model.get_outputs(camera(train_idx=1))
+        shown = model.get_gt_img(photo)
+        assert outputs["rgb"].shape == shown.shape
+        means = shown.mean(dim=(0, 2)) * 255  # of areas, in 8 bits
+        columns = torch.linspace(0, WIDTH, len(means) + 1)
+        assert torch.allclose(means, (columns[1:] + columns[:-1] - 1) / 2, atol=0.51)
+    assert torch.equal(shown, photo.float() / 255)
+
+
+def test_the_set_grows_more_easily_in_larger_photos():
+    def threshold(first: float) -> float:
+        return make_model(first_megapixels=first / 1e6, num_downscales=1).strategy.grow_grad2d
+
+    splatfactos = make_model().strategy.grow_grad2d
+    assert threshold(2 * WIDTH * HEIGHT) == splatfactos
+    assert threshold(WIDTH * HEIGHT / 16) == pytest.approx(splatfactos / 2)

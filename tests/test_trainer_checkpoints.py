@@ -3,17 +3,28 @@
 from __future__ import annotations
 
 import dataclasses
+import time
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 import torch
 from nerfstudio.utils import eval_utils
 
+from desplat_ns import trainer as trainer_module
 from desplat_ns.errors import CheckpointError, ConfigError
 from desplat_ns.nerfstudio_quirks import load_evaluated_checkpoints_like_resumed_ones
-from tests.helpers.stub_run import StubPipeline, StubPipelineConfig, resumed, set_up, train
+from desplat_ns.training.checkpoint import checkpoints_in, load_checkpoint, step_of
+from tests.helpers.stub_run import (
+    StubPipeline,
+    StubPipelineConfig,
+    assert_same,
+    resumed,
+    set_up,
+    train,
+)
 from tests.helpers.stub_run import config as config
 
 
@@ -45,6 +56,66 @@ def test_a_second_run_of_the_same_name_replaces_nothing(config):
     assert [path.read_bytes() for path in saved] == before
     longer = resumed(config, timestamp="first", max_num_iterations=14)
     assert train(longer).pipeline.trained == [12, 13]
+
+
+def test_going_on_from_an_older_step_replaces_nothing_that_was_trained_after_it(config):
+    train(config)
+    folder = config.get_checkpoint_dir()
+    before = {path: path.read_bytes() for path in folder.iterdir()}
+    older = resumed(config, load_step=5, max_num_iterations=14)
+    for named in ({}, {"load_dir": None, "load_checkpoint": folder / "step-000000005.ckpt"}):
+        with pytest.raises(ConfigError, match="--timestamp"):
+            set_up(dataclasses.replace(older, timestamp="first", **named))
+    assert train(older).pipeline.trained == list(range(6, 14))  # in a folder of its own
+    assert {path: path.read_bytes() for path in folder.iterdir()} == before
+    for path in before:
+        if path.name != "step-000000005.ckpt":
+            path.write_bytes(b"damaged")
+    again = dataclasses.replace(older, timestamp="first", load_step=None)
+    assert train(again).pipeline.trained == list(range(6, 14))
+
+
+@pytest.fixture
+def hands(monkeypatch) -> list[float]:
+    """What the trainer's clock shows, in seconds, in a list of one."""
+    now = [0.0]
+    clock = SimpleNamespace(monotonic=lambda: now[0], time=time.time)
+    monkeypatch.setattr(trainer_module, "time", clock)
+    return now
+
+
+def train_by_the_clock(config: Any, hands: list[float], seconds: float) -> list[Path]:
+    """The checkpoints of a run, none of which is due by its number of steps."""
+    config.steps_per_save = 1000
+    trainer = set_up(config)
+    trainer.pipeline.at_step = lambda step: hands.__setitem__(0, hands[0] + seconds)
+    trainer.train()
+    return checkpoints_in(config.get_checkpoint_dir())
+
+
+def test_a_run_saves_when_minutes_have_passed_and_goes_on_from_there_to_the_bit(config, hands):
+    """After five steps of a minute each, and five more; step 11 is the last."""
+    saved = train_by_the_clock(config, hands, 60)
+    assert [step_of(path) for path in saved] == [4, 9, 11]
+    second = resumed(config, load_step=4)
+    assert train(second, seed=99).pipeline.trained == list(range(5, 12))
+    assert_same(
+        *(load_checkpoint(r.get_checkpoint_dir() / saved[-1].name) for r in (config, second))
+    )
+
+
+def test_slow_saves_take_a_small_share_of_the_time(config, hands, monkeypatch):
+    """A minute a step and half a minute a save: the second is due 25 minutes after the first."""
+    save = trainer_module.save_atomically
+
+    def slow(*args: Any) -> None:
+        hands[0] += 30
+        save(*args)
+
+    monkeypatch.setattr(trainer_module, "save_atomically", slow)
+    config.max_num_iterations = 40
+    saved = train_by_the_clock(config, hands, 60)
+    assert [step_of(path) for path in saved] == [4, 29, 39]
 
 
 class TestEvaluation:

@@ -10,6 +10,7 @@ from typing import Any
 
 import tyro
 
+from desplat_ns.console import announce
 from desplat_ns.errors import ConfigError, print_user_errors_plainly
 from desplat_ns.runs.files import RunFiles, find_run
 from desplat_ns.settings.options import check_ranges
@@ -34,7 +35,17 @@ def run(command: Any, **options: Any) -> None:
     """Read the options of a dataclass with `main`, or of a union of such, and call `main`; a user's
     mistake has no traceback. `options`: of `tyro.cli`."""
     print_user_errors_plainly()
-    tyro.cli(command, prog=Path(sys.argv[0]).name, **options).main()
+    name = Path(sys.argv[0]).name
+    parsed = tyro.cli(command, prog=name, **options)
+    _say_what_begins(name, parsed)
+    parsed.main()
+
+
+def _say_what_begins(name: str, options: Any) -> None:
+    """Say in a line what a command does, by the help of its options: what it needs may take many
+    seconds to import."""
+    what, _, _ = " ".join(str(options.__doc__).split()).partition(". ")
+    announce(f"{name}: {what.rstrip('.')}.")
 
 
 def run_on_capture(command: Any, name: str) -> None:
@@ -42,6 +53,7 @@ def run_on_capture(command: Any, name: str) -> None:
     given these words. They are not looked at here: nerfstudio takes seconds to import."""
     print_user_errors_plainly()
     options, words = split_words(command, name, sys.argv[1:])
+    _say_what_begins(name, options)
     options.main(words)
 
 

@@ -10,6 +10,7 @@ from typing import Annotated
 import tyro
 
 from desplat_ns.commands import run
+from desplat_ns.console import announce
 from desplat_ns.errors import ConfigError
 from desplat_ns.fetch.sources import SOURCES
 
@@ -37,8 +38,7 @@ class Arguments:
             raise ConfigError(
                 f"There is no data set '{self.name}'. There are: {', '.join(SOURCES)}."
             )
-        from desplat_ns.console import announce  # a second
-        from desplat_ns.fetch.fetch import fetch
+        from desplat_ns.fetch.fetch import fetch  # a second
 
         source = SOURCES[self.name]
         announce(f"{source.title}. Whose it is, and what may be done with it: {source.page}")

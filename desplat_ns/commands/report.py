@@ -28,7 +28,7 @@ class Report(OfRun):
     held_out_photos: int = ranged(12, "[0, inf)")
     """Held-out photos to show, the worst first. All are scored; 0: none is, and no time spent."""
     scene: bool = True
-    """The scene itself on top, to walk around in; the page is 25 MB at most then, else 10."""
+    """The scene itself on top, to walk around in. The page is 10 MB at most, with or without."""
 
     def main(self) -> None:
         """Check what can be checked at once, then load, render, write. Raises DeSplatError."""

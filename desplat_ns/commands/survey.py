@@ -11,6 +11,7 @@ from typing import Annotated, Any
 import tyro
 
 from desplat_ns.commands import run_on_capture
+from desplat_ns.console import announce
 from desplat_ns.errors import CaptureError
 from desplat_ns.files.whole import check_new_file
 
@@ -42,8 +43,7 @@ class Arguments:
         for file in (findings_file, sheet_file):
             check_new_file(file, self.overwrite)
 
-        from desplat_ns.console import announce  # seconds: not before the checks
-        from desplat_ns.datamanager import AnyDataParser, without_prompts
+        from desplat_ns.datamanager import AnyDataParser, without_prompts  # seconds: checks first
         from desplat_ns.files.whole import plain_errors, write_whole
         from desplat_ns.layouts.dataparser import DeSplatDataParserConfig
         from desplat_ns.survey.survey import evidence_picture, survey

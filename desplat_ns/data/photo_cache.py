@@ -12,11 +12,10 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from itertools import islice
 from typing import Any
 
-import psutil
 import torch
 from torch import Tensor
 
-from desplat_ns.cores import cores
+from desplat_ns.cores import cores, memory
 from desplat_ns.data.dataset import CaptureDataset, ImageType, Photo
 
 SHARE = 0.4
@@ -37,7 +36,7 @@ def photo_bytes(dataset: CaptureDataset, image_type: ImageType) -> list[int]:
 def free_memory(device: torch.device) -> int:
     """Bytes that nobody uses where photos are held: the machine's, through which they come to a
     GPU, or the GPU's if these are fewer."""
-    free = psutil.virtual_memory().available
+    free = memory()[1]
     return min(free, torch.cuda.mem_get_info(device)[0]) if device.type == "cuda" else free
 
 

@@ -5,6 +5,7 @@ What the right half shows never reaches the embedding: the fit is given the left
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import torch
@@ -21,16 +22,16 @@ from desplat_ns.model import DeSplatModel
 from desplat_ns.photo_tourism.camera_response import fit_response, squared_radius
 from desplat_ns.photo_tourism.image_effects import FEATURES
 from desplat_ns.rendering.layers import over_background
-from desplat_ns.rendering.views import view_of
+from desplat_ns.rendering.views import reduced, view_of
 
-
-def left_half(image: Shaped[Tensor, "H W C"]) -> Shaped[Tensor, "H left C"]:
-    """Columns [:W // 2] (App. B.1); for odd W the middle column belongs to the right half."""
-    return image[:, : image.shape[1] // 2]
+FITTED_PIXELS = 100_000
+"""Pixels of which a photo's light is found: a few numbers need no more. Of a larger photo the
+closed form takes so many of the left half; Adam reduces photo and rendering by a whole factor, to
+about so many."""
 
 
 def right_half(image: Shaped[Tensor, "H W C"]) -> Shaped[Tensor, "H right C"]:
-    """Columns [W // 2:] (App. B.1)."""
+    """Columns [W // 2:] (App. B.1); for odd W the middle column is among them."""
     return image[:, image.shape[1] // 2 :]
 
 
@@ -41,11 +42,11 @@ def embedding_from_left_half(
     config: EvaluationConfig,
     mask: Shaped[Tensor, "H W 1"] | None = None,
 ) -> Float[Tensor, " E"]:
-    """The embedding that explains the left half of a photo best.
+    """The embedding that explains the left half of a photo best, by some `FITTED_PIXELS`.
 
     The model is in eval mode and stays bit-identical. Numbers of a camera's response are found in
     closed form; other embeddings by Adam from the average of the training images' on (B.3). The
-    view keeps its size: half of it would be cut at another border, where EWA bounds and culls
+    view keeps both halves: one of them would be cut at another border, where EWA bounds and culls
     Gaussians differently (1e-3 of colour). Gaussians that the left half does not need are not
     drawn.
 
@@ -64,16 +65,27 @@ def embedding_from_left_half(
             static = model.render_static(view, average)
             behind = model.background_of(view, average)
             image = over_background(static.rgb, static.alpha, behind)
-        pixels = image[counts], photo[counts], squared_radius(view)[counts]
-        return fit_response(*pixels, average)
-    draw = as_function_of_embedding(model, view, view.width // 2)
-    weight = 1.0 if mask is None else left_half(mask.to(photo))
-    target = left_half(photo) * weight
+        rows = counts.flatten().nonzero()[:, 0]
+        order = torch.randperm(len(rows), generator=torch.Generator().manual_seed(0))
+        rows = rows[order[:FITTED_PIXELS].sort().values.to(rows.device)]
+        parts = (image, photo, squared_radius(view))
+        rgb, seen, radius2 = (part.flatten(0, 1)[rows] for part in parts)
+        return fit_response(rgb, seen, radius2, average)
+    factor = max(1, round(math.sqrt(view.height * view.width / FITTED_PIXELS)))
+    smaller = view_of(camera, size_of=lambda width, height: (width // factor, height // factor))
+    columns = view.width // 2 * smaller.width // view.width  # whole ones: none sees the right half
+    draw = as_function_of_embedding(model, smaller, columns)
+    weight = torch.ones_like(photo[..., :1]) if mask is None else (mask != 0).to(photo)
+    target = photo * weight
+    if factor > 1:
+        size = smaller.width, smaller.height
+        target, weight = reduced(target, size), reduced(weight, size)
+    target, weight = target[:, :columns], weight[:, :columns]
     with torch.enable_grad():
         embedding = average.detach().clone().requires_grad_()
         optimizer = torch.optim.Adam([embedding], lr=config.learning_rate)
         for _ in range(config.steps):
-            drawn = left_half(draw(embedding)) * weight
+            drawn = draw(embedding)[:, :columns] * weight
             (loss,) = photometric_losses(target, None, model.config.ssim_lambda, drawn)
             (embedding.grad,) = torch.autograd.grad(loss, embedding)  # nothing else gets one
             optimizer.step()

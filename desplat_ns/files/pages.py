@@ -21,6 +21,7 @@ import numpy as np
 from jaxtyping import Bool, Float, UInt8
 from PIL import Image
 
+from desplat_ns.console import time_in_words
 from desplat_ns.errors import ConfigError
 
 LADDER = ((1024, 80), (800, 70), (640, 60), (480, 55), (320, 50), (160, 40))
@@ -52,14 +53,6 @@ def template(path: Path, **filters: Callable[..., Any]) -> jinja2.Template:
     return environment.from_string(path.read_text("utf8"))
 
 
-def time_in_words(seconds: float) -> str:
-    """45 s, 2 min 5 s, 1 h 20 min, 2 h."""
-    whole = round(seconds)
-    units = [("h", whole // 3600), ("min", whole % 3600 // 60)]
-    units += [("s", whole % 60)] if whole < 3600 else []
-    return " ".join(f"{count} {unit}" for unit, count in units if count) or "0 s"
-
-
 @dataclass(frozen=True)
 class Picture:
     """A picture for the page."""
@@ -72,7 +65,7 @@ class Picture:
         """A data address that holds it as WebP, at most `side` pixels long where `share` is 1."""
         buffer = io.BytesIO()
         pixels = shrunk(self.pixels, max(1, round(side * self.share)))
-        Image.fromarray(pixels).save(buffer, "WEBP", quality=quality)
+        Image.fromarray(pixels).save(buffer, "WEBP", quality=quality, method=2)
         return f"data:image/webp;base64,{base64.b64encode(buffer.getvalue()).decode()}"
 
 

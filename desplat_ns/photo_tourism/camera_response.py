@@ -12,7 +12,7 @@ import math
 import torch
 from jaxtyping import Float
 from torch import Tensor
-from torch.func import jacfwd
+from torch.func import jvp
 
 from desplat_ns.backend.protocol import View
 
@@ -102,20 +102,25 @@ def fit_response(
     if len(rgb) == 0:
         return mean.float()
     prior = len(rgb) / OBSERVATIONS * torch.tensor(PRIOR_STD).to(rgb).pow(-2).diag()
-    slopes_of = jacfwd(camera_response, argnums=1)
+    unit = torch.eye(NUMBERS).to(rgb)
+
+    def response(numbers: Tensor) -> Tensor:
+        return camera_response(rgb, numbers, radius2)
 
     def fitted(widest: float) -> tuple[float, Tensor]:
         numbers, loss = mean, rgb.new_zeros(())
         for i in range(FIT_ROUNDS + 1):
             scale = OUTLIER * max(1.0, widest * 0.75**i)
-            error = (photo - camera_response(rgb, numbers, radius2)).reshape(-1)
+            image, by_gamma = jvp(response, (numbers,), (unit[3],))[:2]
+            error = (photo - image).reshape(-1)
             share = (1 + (error / scale).square()).reciprocal()
             ridge = prior * (1.4826 * error.abs().median()).clamp(min=FLOOR).square()
             pull = ridge @ (numbers - mean)
             loss = (1 - share).sum() + (numbers - mean) @ pull / scale**2
             if i == FIT_ROUNDS:
                 break
-            slopes = slopes_of(rgb, numbers, radius2).reshape(-1, NUMBERS)
+            by_gain = (image * channel for channel in unit[:3, :3])
+            slopes = torch.stack([*by_gain, by_gamma, image * radius2], dim=-1).reshape(-1, NUMBERS)
             weight = share.square()[:, None]
             normal = slopes.T @ (weight * slopes) + ridge
             step = torch.linalg.solve(normal, slopes.T @ (weight[:, 0] * error) - pull)

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
+import cv2
 import torch
-from jaxtyping import Bool, Float
+import torch.nn.functional as F
+from jaxtyping import Bool, Float, Shaped
 from nerfstudio.cameras.cameras import Cameras, CameraType
 from torch import Tensor
 
@@ -29,10 +33,13 @@ def is_distorted(cameras: Cameras) -> bool:
 
 
 def view_of(
-    camera: Cameras, camera_to_world: Float[Tensor, "3 4"] | None = None, downscale: int = 1
+    camera: Cameras,
+    camera_to_world: Float[Tensor, "3 4"] | None = None,
+    size_of: Callable[[int, int], tuple[int, int]] | None = None,
 ) -> View:
-    """The view of a single camera (shape [1]), in an image reduced by `downscale` (rounded down).
-    `camera_to_world` replaces the camera's own pose where a pose optimizer moved it.
+    """The view of a single camera (shape [1]), in an image of the size that `size_of` gives for
+    its width and height, if given. `camera_to_world` replaces the camera's own pose where a pose
+    optimizer moved it.
 
     Raises:
         ConfigError: a camera of another kind, as a path of ns-render may have it. A photo's fisheye
@@ -48,12 +55,19 @@ def view_of(
             f"A camera of the kind {CameraType(kind).name} cannot be drawn, only perspective ones. "
             "Make a camera path of perspective cameras."
         )
-    return View(
-        viewmat=world_to_camera(pose),
-        K=torch.cat([intrinsics[:2] * (1 / downscale), intrinsics[2:]]),
-        width=width // downscale,
-        height=height // downscale,
-    )
+    shown = (width, height) if size_of is None else size_of(width, height)
+    scale = intrinsics.new_tensor([[shown[0] / width], [shown[1] / height], [1.0]])
+    return View(world_to_camera(pose), intrinsics * scale, *shown)
+
+
+def reduced(image: Shaped[Tensor, "H W C"], size: tuple[int, int]) -> Shaped[Tensor, "h w C"]:
+    """An image at a smaller (width, height), each pixel the mean of the area that it covers. 8 bit
+    colours have 8 bits on a CPU, and are floats on a GPU."""
+    if image.is_cpu:
+        smaller = cv2.resize(image.numpy(), size, interpolation=cv2.INTER_AREA)
+        return torch.from_numpy(smaller.reshape(size[1], size[0], -1))
+    channels = image.permute(2, 0, 1).to(torch.float32)
+    return F.adaptive_avg_pool2d(channels, (size[1], size[0])).permute(1, 2, 0)
 
 
 def views_of(cameras: Cameras) -> list[View]:

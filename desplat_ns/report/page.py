@@ -26,12 +26,11 @@ from desplat_ns.settings.effects import Effects
 
 TEMPLATE = Path(__file__).with_name("page.html.jinja")
 
-PICTURE_BYTES = 9_000_000
-"""Of all pictures; text fits into what is left of 10 MB."""
+SOURCE_BYTES = 9_000_000
+"""Of scene and pictures; text, and the scene's quotes written out, fit into the rest of 10 MB."""
 
-SCENE_BYTES = 14_500_000
-"""Of the scene: with a report of 10 MB at most, and the quotes in it written out, the page stays
-below 25 MB."""
+SCENE_BYTES = 5_500_000
+"""Of the scene, with the pictures in it."""
 
 SURVEYED = {
     "appearance": "Appearance: a light of each photo's own",
@@ -156,15 +155,15 @@ def effect_reasons(
     return reasons
 
 
-def html_of(contents: Contents, budget: int = PICTURE_BYTES, scene: str = "") -> str:
+def html_of(contents: Contents, scene: str = "") -> str:
     """The page, with that of the scene itself on top, if any. Of training photos those that
-    distractors cover most come first. Raises ConfigError where there are too many pictures for the
-    budget: bytes of all together."""
+    distractors cover most come first. Raises ConfigError where there are too many pictures for
+    `SOURCE_BYTES`."""
     training = sorted(contents.training, key=lambda photo: -(photo.covered or 0.0))
     photos = [*training, *contents.held_out]
     told = [one.picture for one in contents.notices if one.picture is not None]
     of_photos = [picture for photo in photos for picture in photo.pictures.values()]
-    sources = iter(fitted_into([*told, *of_photos], budget))
+    sources = iter(fitted_into([*told, *of_photos], SOURCE_BYTES - len(scene)))
     noticed = [(one, next(sources) if one.picture is not None else "") for one in contents.notices]
     shown = [(photo, {name: next(sources) for name in photo.pictures}) for photo in photos]
     return template(TEMPLATE, in_words=in_words).render(

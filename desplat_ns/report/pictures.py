@@ -27,8 +27,8 @@ ERROR_TOP = 0.25
 """Mean difference of the colours, which are in [0, 1], that gets the brightest colour."""
 
 
-BESIDE = 0.6
-"""Pictures that are shown at half the width get this share of the pixels' side."""
+CARD, BESIDE = 0.8, 0.6
+"""Of the pixels' side, what pictures as wide as a card get, and those that are half as wide."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ def training_photos(pipeline: DeSplatPipeline, chosen: Sequence[int]) -> Iterato
             photo = model.photo_of(outputs, {"image": batch["image"].to(pipeline.device)})
             name, covered, unlike = manager.train_image_names[index], None, None
             static = outputs.get("rgb_static", outputs["rgb"])
-            pictures = {"photo": picture_of(photo), "rendering": picture_of(static)}
+            pictures = {"photo": picture_of(photo, CARD), "rendering": picture_of(static, CARD)}
             if "alpha_distractor" in outputs:
                 alpha_d, seen = outputs["alpha_distractor"], photo
                 if "mask" in batch:

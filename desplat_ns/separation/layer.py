@@ -14,7 +14,7 @@ from torch import Tensor
 from torch.optim import Optimizer
 
 from desplat_ns.backend.protocol import Rendering, Splats, View
-from desplat_ns.console import announce
+from desplat_ns.console import announce_once
 from desplat_ns.gaussians.activation import (
     RawParameters,
     activate_distractors,
@@ -110,7 +110,7 @@ class DistractorLayer:
         self.regions: dict[int, Bool[Tensor, "rows columns"]] = {}
         """Those of each view, as it was last looked at."""
         if config.start == "residual" and self.num_views < FEW_VIEWS:
-            announce(about_few_views(self.num_views), warning=True)
+            announce_once(about_few_views(self.num_views), warning=True)
 
     def draw(self, index: int, rasterize: Callable[[Splats], Rendering]) -> Rendering | None:
         """Render the distractors of training view `index`; None if it has none."""

@@ -12,9 +12,9 @@ from pathlib import Path
 from statistics import fmean
 from typing import Any, NamedTuple
 
-from desplat_ns.console import announce, list_names
+from desplat_ns.console import about, announce, list_names
 from desplat_ns.errors import CaptureError, DeSplatError
-from desplat_ns.files.pages import template, time_in_words
+from desplat_ns.files.pages import template
 from desplat_ns.files.whole import only_process_in, plain_errors, whole_folder
 from desplat_ns.rendering.metrics import lpips_weights
 from desplat_ns.studies.methods import content_of, method_config, splits_of
@@ -85,7 +85,7 @@ class Grid:
         """In words, once a run is done."""
         left = len(self.left)
         seconds = left * fmean(record.seconds for record in self.done) / self.executor.jobs
-        return f"Runs left: {left}, about {time_in_words(seconds)}."
+        return f"Runs left: {left}, {about(seconds)}."
 
 
 def run_of(scene: PaperScene, method: Method, seed: int, smoke: Smoke | None = None) -> Run:

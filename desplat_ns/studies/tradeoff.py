@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from desplat_ns.backend.registry import compile_kernels, default_device
-from desplat_ns.console import announce
+from desplat_ns.console import about, announce
 from desplat_ns.errors import ConfigError, DeSplatError
 from desplat_ns.files.whole import only_process_in
 from desplat_ns.settings.effects import AppearanceGrade, Effects
@@ -125,10 +125,13 @@ class Study:
         most = method_config(BASE).nominal_num_iterations
         steps = self.steps_that_fit(most)
         self.planned = self.plan(steps, most)
-        count = sum(run.key in self.records for run in self.planned)
+        pace = pace_of(self.planned, self.records)
+        ahead = [pace(run) for run in self.planned if run.key not in self.records]
+        left = min(sum(ahead) / self.executor.jobs, max(0.0, self.seconds - self.spent))
         announce(
             f"Variants are compared at {steps:,} steps. Planned runs: {len(self.planned)}; done: "
-            f"{count}. Of the others those are done that fit into the time."
+            f"{len(self.planned) - len(ahead)}. Of the others those are done that fit into the "
+            f"time, in {about(left)}."
         )
         self.failed = self.finish(self.fitting())
 

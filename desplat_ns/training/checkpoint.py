@@ -74,16 +74,23 @@ def remove_older(path: Path) -> None:
 
 
 def refuse_to_replace(checkpoints: Path, goes_on_from: Path | None) -> None:
-    """Raise ConfigError where a run would replace the checkpoints of another in its folder: those
-    are its own that lie beside the one that it goes on from."""
-    is_own = goes_on_from is not None and goes_on_from.resolve().parent == checkpoints.resolve()
+    """Raise ConfigError where a run would replace what another has trained in its folder, or the
+    same one after the checkpoint that it goes on from; damaged ones are no loss."""
     saved = checkpoints_in(checkpoints)
-    if saved and not is_own:
+    if goes_on_from is not None and goes_on_from.resolve().parent == checkpoints.resolve():
+        saved = [p for p in saved if step_of(p) > step_of(goes_on_from) and _is_intact(p)]
+    if saved:
         raise ConfigError(
             f"{saved[-1]} is of an earlier run, which this one would replace. Give another "
             "--timestamp, or leave it out for the time of day; --load-dir "
             f"{checkpoints} goes on with the earlier run."
         )
+
+
+def _is_intact(path: Path) -> bool:
+    with suppress(CheckpointError):
+        return bool(load_checkpoint(path))
+    return False
 
 
 @contextmanager

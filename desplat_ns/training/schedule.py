@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -61,18 +61,6 @@ def pause_after_reset(num_views: int, reset_every: int, scale: float) -> int:
     return min(round((num_views + SPLATFACTOS_INTERVAL) / scale), reset_every // 2)
 
 
-def photo_downscale(step: int, num_downscales: int, every: int, warmup: int = 0) -> int:
-    """Factor by which photos are reduced at a nominal step: 2^num_downscales, halved every `every`
-    steps. From the middle of the `warmup`, nominal steps in which the static scene trains alone,
-    they have at least half of their size: in smaller ones occluders do not stand out."""
-    if step >= num_downscales * every:
-        return 1
-    if warmup == 0 or num_downscales == 1:
-        return 2 ** (num_downscales - step // every)
-    early = max(1, min(every, warmup // (2 * (num_downscales - 1))))
-    return 2 ** max(1, num_downscales - step // early)
-
-
 def rate_factor(num_views: int, steps: int, full_visits: float) -> float:
     """Factor, 1 to `MOST_RATE_FACTOR`, on the learning rates of a run of `steps` steps that sees
     photos seldom: rates for many visits leave a short run far from where it is heading.
@@ -121,14 +109,6 @@ class Schedule:
         return True
 
 
-TIMED_STEPS = 10
-"""First steps that are timed where a run has a budget."""
-
-GROWTH = 1.5
-"""Ratio of the seconds of a step averaged over a run to those of its first steps, at the same photo
-size. The set grows by a factor of 2 to 7, and 7 times the Gaussians double a step's CPU time. The
-clock corrects what this gets wrong."""
-
 STEPS_WANTED = 500
 """Photos are trained on at half of their size where fewer steps fit."""
 
@@ -175,22 +155,22 @@ class BudgetPlan:
 
 
 def plan_budget(
-    budget: float, spent: float, timed: tuple[float, float], downscale: int, most: int
+    budget: float, spent: float, timed: Sequence[float], downscale: int, most: int
 ) -> BudgetPlan:
     """How many steps fit into a budget, and with photos of which size.
 
     Args:
         budget, spent: seconds, in all and until now.
-        timed: seconds of a first step, with photos reduced by `downscale` and by twice that.
+        timed: mean seconds of a step, with photos reduced by `downscale` and by twice that.
         downscale: the least reduction of photos.
         most: steps, at most.
 
     Raises:
         ConfigError: fewer than `FEWEST_STEPS` fit, and more are wanted.
     """
-    left, a_step = budget - spent - END_SECONDS, GROWTH * timed[0]
+    left, a_step = budget - spent - END_SECONDS, timed[0]
     if left / a_step < min(STEPS_WANTED, most):
-        a_step, downscale = GROWTH * timed[1], 2 * downscale
+        a_step, downscale = timed[1], 2 * downscale
     steps, fewest = min(most, int(left / a_step)), min(FEWEST_STEPS, most)
     if steps < fewest:
         needed = spent + END_SECONDS + 1.2 * fewest * a_step

@@ -18,8 +18,7 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
-from desplat_ns.console import announce
-from desplat_ns.files.pages import time_in_words
+from desplat_ns.console import announce, time_in_words
 from desplat_ns.studies.paper import METHODS, TABLES, TableName
 from desplat_ns.studies.records import Record
 from desplat_ns.studies.reproduce import Smoke, reproduce

@@ -3,17 +3,19 @@ are scored, in a light found on the left ones or in the average."""
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 import torch
 
 from desplat_ns.errors import ConfigError
 from desplat_ns.evaluation import evaluate as module
+from desplat_ns.evaluation import halves
 from desplat_ns.evaluation.config import EvaluationConfig
 from desplat_ns.evaluation.evaluate import Scorer
 from desplat_ns.evaluation.halves import (
     as_function_of_embedding,
     embedding_from_left_half,
-    left_half,
     right_half,
 )
 from desplat_ns.model import DeSplatModel
@@ -42,17 +44,64 @@ def test_halves_are_disjoint_and_cover_the_image(width):
     assert torch.equal(torch.cat([left, right], dim=1), image)
 
 
+def left_half(image: torch.Tensor) -> torch.Tensor:
+    return image[:, : image.shape[1] // 2]
+
+
+REDUCED = 60
+"""Pixels of which a light is found; the photos of these tests have eight times as many."""
+
+
+@pytest.mark.parametrize("pixels", [halves.FITTED_PIXELS, REDUCED])
 @pytest.mark.parametrize("width", [WIDTH, WIDTH + 1])
-def test_the_right_half_cannot_reach_the_embedding(model, width):
+def test_the_right_half_cannot_reach_the_embedding(model, width, pixels, monkeypatch):
+    monkeypatch.setattr(halves, "FITTED_PIXELS", pixels)
     photo = torch.rand(HEIGHT, width, 3)
     other = photo.clone()
     right_half(other)[:] = torch.rand_like(right_half(other))
     fitted = [embedding_from_left_half(model, held_out(width), p, SHORT) for p in (photo, other)]
     assert torch.equal(*fitted)
-    left_half(other)[0, -1] += 0.5  # the last column of the left half does reach it
+    last = -1 if pixels > REDUCED else -4  # the last columns that are whole in what is drawn
+    left_half(other)[0, last] += 0.5
     assert not torch.equal(
         embedding_from_left_half(model, held_out(width), other, SHORT), fitted[0]
     )
+
+
+def test_a_large_photo_is_drawn_no_larger_than_its_light_needs(model, monkeypatch):
+    sizes, losses = set(), halves.photometric_losses
+
+    def seen(target: torch.Tensor, *others: Any) -> Any:
+        sizes.add(target.shape)
+        return losses(target, *others)
+
+    monkeypatch.setattr(halves, "photometric_losses", seen)
+    monkeypatch.setattr(halves, "FITTED_PIXELS", REDUCED)
+    embedding_from_left_half(model, held_out(), torch.rand(HEIGHT, WIDTH, 3), SHORT)
+    assert sizes == {(HEIGHT // 3, WIDTH // 3 // 2, 3)}
+
+
+def test_of_a_large_photo_the_closed_form_takes_few_pixels_and_finds_the_same(monkeypatch):
+    model, counts, fit = moved(model_with("camera")).eval(), [], halves.fit_response
+    with torch.no_grad():
+        model.image_effects.after_step()  # of an average light that changes nothing
+    photo = photo_in_the_light_of(model, 1)
+
+    def counted(rgb: torch.Tensor, *others: Any) -> Any:
+        counts.append(len(rgb))
+        return fit(rgb, *others)
+
+    monkeypatch.setattr(halves, "fit_response", counted)
+    found = []
+    for pixels in (halves.FITTED_PIXELS, REDUCED):
+        monkeypatch.setattr(halves, "FITTED_PIXELS", pixels)
+        found.append(embedding_from_left_half(model, held_out(), photo, SHORT))
+    assert counts == [HEIGHT * WIDTH // 2, REDUCED]
+    images = []
+    for light in found:
+        with model.shown_in(light):
+            images.append(model.get_outputs_for_camera(held_out())["rgb"])
+    assert float((images[0] - images[1]).abs().mean()) < 1 / 255
 
 
 def test_what_is_fitted_is_what_is_scored(model):
@@ -91,7 +140,9 @@ def test_all_else_stays_bit_identical(model):
 
 
 @pytest.mark.slow
-def test_the_light_of_a_photo_is_found_again(model):
+@pytest.mark.parametrize("pixels", [halves.FITTED_PIXELS, 2 * REDUCED])
+def test_the_light_of_a_photo_is_found_again(model, pixels, monkeypatch):
+    monkeypatch.setattr(halves, "FITTED_PIXELS", pixels)
     photo = photo_in_the_light_of(model, 2)
     config = EvaluationConfig(steps=128, learning_rate=0.05)
     scored, _ = by_left_half(model, config).score(held_out(), {"image": photo})

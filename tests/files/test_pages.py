@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from desplat_ns.console import time_in_words
 from desplat_ns.errors import ConfigError
 from desplat_ns.files.pages import (
     LARGEST_SIDE,
@@ -19,7 +20,6 @@ from desplat_ns.files.pages import (
     inline_svg,
     over_checkerboard,
     template,
-    time_in_words,
     to_rgb8,
 )
 from lab.synthetic.textures import f32

@@ -1,5 +1,7 @@
 """nerfstudio's cameras as views of a rasterizer."""
 
+from typing import Any
+
 import pytest
 import torch
 from nerfstudio.cameras.cameras import Cameras, CameraType
@@ -9,8 +11,8 @@ from desplat_ns.rendering.views import view_of, world_to_camera
 from tests.helpers.cameras import cameras, looking_along_y
 
 
-def project(camera: Cameras, point: list[float], downscale: int = 1) -> torch.Tensor:
-    view = view_of(camera, downscale=downscale)
+def project(camera: Cameras, point: list[float], size: Any = None) -> torch.Tensor:
+    view = view_of(camera, size_of=size)
     in_camera = view.viewmat @ torch.tensor([*point, 1.0])
     pixel = view.K @ in_camera[:3]
     return pixel[:2] / pixel[2]
@@ -27,12 +29,17 @@ def test_right_is_right_and_up_is_up_in_the_image():
     assert torch.allclose(project(cameras(), [2, 12, 5]), torch.tensor([58.0, 7.0]), atol=1e-5)
 
 
-def test_downscaling_halves_pixels_and_rounds_sizes_down():
+def test_a_point_is_at_the_same_share_of_a_smaller_image():
     camera = cameras()
-    view = view_of(camera, downscale=2)
-    assert (view.width, view.height) == (50, 25)
+
+    def size(width: int, height: int) -> tuple[int, int]:
+        return width // 2, height // 5
+
+    view = view_of(camera, size_of=size)
+    assert (view.width, view.height) == (50, 10)
     assert int(camera.width.item()) == 101  # it is left alone
-    assert torch.allclose(project(cameras(), [2, 12, 5], downscale=2), torch.tensor([29.0, 3.5]))
+    whole, smaller = project(cameras(), [2, 12, 5]), project(cameras(), [2, 12, 5], size)
+    assert torch.allclose(smaller, whole * torch.tensor([50 / 101, 10 / 51]))
 
 
 def test_cameras_of_other_kinds_are_not_drawn_as_pinholes():

@@ -4,8 +4,10 @@ import re
 from dataclasses import replace
 from html.parser import HTMLParser
 
+from desplat_ns.files.pages import Picture
+from desplat_ns.report import page
 from desplat_ns.report.page import html_of
-from tests.helpers.report import contents, held_out_photo, plain_photo, training_photo
+from tests.helpers.report import contents, held_out_photo, noise, plain_photo, training_photo
 
 VOID = {"meta", "link", "img", "input", "br"}
 EVIL = "<script>alert(1)</script>\"'&.png"
@@ -98,3 +100,19 @@ def test_pictures_stand_with_their_photo():
     for n in range(4):
         assert by_name[f"{n}.jpg, the photo"] == red
         assert by_name[f"{n}.jpg, the static scene"] == blue
+
+
+def test_pictures_get_what_the_scene_leaves_of_the_page(monkeypatch):
+    monkeypatch.setattr(page, "SOURCE_BYTES", 1_500_000)
+    large = Picture(noise(1, 640, 480))
+    loud = [
+        replace(plain_photo(name), pictures={"photo": large, "rendering": large}) for name in "abcd"
+    ]
+
+    def size(scene: str) -> int:
+        text = html_of(contents(training=loud, held_out=[]), scene)
+        return sum(map(len, re.findall(r"data:image[^\"]*", text)))
+
+    alone = size("")
+    assert alone <= 1_500_000
+    assert size("s" * (1_500_001 - alone)) < alone

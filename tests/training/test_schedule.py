@@ -14,7 +14,6 @@ from desplat_ns.errors import ConfigError
 from desplat_ns.training.schedule import (
     END_SECONDS,
     FEWEST_STEPS,
-    GROWTH,
     MOST_RATE_FACTOR,
     STEPS_WANTED,
     BudgetPlan,
@@ -90,10 +89,10 @@ def planned(budget: float, seconds: float, most: int = 30_000, spent: float = 0.
 
 
 def test_a_plan_has_the_steps_that_fit_and_smaller_photos_where_too_few_do():
-    plan = planned(2000 * 0.1 * GROWTH + 10 + END_SECONDS, 0.1, spent=10.0)
+    plan = planned(2000 * 0.1 + 10 + END_SECONDS, 0.1, spent=10.0)
     assert plan.steps == pytest.approx(2000, abs=1) and plan.downscale == 1
     assert planned(1e6, 0.1).steps == 30_000
-    half = planned(0.2 * GROWTH * 0.9 * STEPS_WANTED + END_SECONDS, 0.2)
+    half = planned(0.2 * 0.9 * STEPS_WANTED + END_SECONDS, 0.2)
     assert half.downscale == 2 and half.steps == pytest.approx(1.8 * STEPS_WANTED, abs=1)
 
 

@@ -1,0 +1,93 @@
+"""What a run is said to take, by what its steps draw."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from desplat_ns.training.clock import ADDED, GAUSSIAN, LAYER, LOOK, Clock
+from desplat_ns.training.schedule import Schedule
+
+SIZE, VIEWS, STEPS, START, WARMUP = 100_000, 40, 1_000, 5_000, 6_000
+FIXED, PIXEL = 0.02, 1e-6
+
+
+def a_run(downscale: Callable[..., float] = lambda *_: 1, layer: Any = None, most=10**9) -> Any:
+    """What a clock asks of a pipeline: a run of `STEPS` steps that has done none."""
+    config = SimpleNamespace(downscale_factor=downscale, stop_split_at=15_000)
+    config.distractors = SimpleNamespace(static_warmup=WARMUP)
+    model = SimpleNamespace(config=config, schedule=Schedule(STEPS / 30_000), layer=layer)
+    model.nominal_step, model.num_train_data = 0, VIEWS
+    model.strategy = SimpleNamespace(most=most)
+    model.gauss_params = {"means": range(START)}
+    rays = SimpleNamespace(get_train_rays_per_batch=lambda: SIZE)
+    return SimpleNamespace(model=model, datamanager=rays)
+
+
+def halves(nominal: int, _: float) -> float:
+    return 4 if nominal < 15_000 else 1
+
+
+def test_larger_photos_that_are_coming_and_the_end_of_growth_are_counted():
+    run = a_run(halves, most=START)
+    seconds = STEPS * (FIXED + PIXEL * SIZE * (1 / 16 + 1) / 2)
+    assert Clock(run, FIXED, PIXEL).left(0, STEPS) == pytest.approx(seconds, rel=1e-9)
+    grown = Clock(a_run(halves), FIXED, PIXEL).left(0, STEPS) - seconds
+    assert grown == pytest.approx(
+        STEPS * PIXEL * GAUSSIAN * ADDED * (SIZE / 1e6) ** 0.5 * 0.75, rel=2e-3
+    )
+
+
+def test_distractors_and_the_first_looks_come_after_the_warm_up():
+    plain, layered = (
+        Clock(a_run(most=START, layer=layer), FIXED, PIXEL) for layer in (None, object())
+    )
+    after = STEPS * (1 - WARMUP / 30_000) * LAYER * SIZE + VIEWS * LOOK
+    assert layered.left(0, STEPS) - plain.left(0, STEPS) == pytest.approx(PIXEL * after, rel=1e-2)
+    assert layered.left(300, STEPS) - plain.left(300, STEPS) == pytest.approx(
+        PIXEL * 700 * LAYER * SIZE, rel=1e-9
+    )
+
+
+@pytest.mark.parametrize("added", [0, 15_000, 60_000, 120_000])
+@pytest.mark.parametrize("slower", [1.0, 1.5])
+def test_what_is_told_is_within_a_quarter_of_the_truth_once_growth_shows(added, slower):
+    """Photos get larger on the way; the machine is slower than it was in the trial."""
+    run = a_run(halves, object())
+    clock, told, seconds = Clock(run, FIXED, PIXEL), dict[int, float](), list[float]()
+    for step in range(STEPS):
+        done = min(1.0, run.model.schedule.nominal(step) / 15_000)
+        run.model.nominal_step = run.model.schedule.nominal(step)
+        run.model.gauss_params["means"] = range(round(START + done * added))
+        drawn = SIZE / halves(run.model.nominal_step, SIZE) ** 2
+        if run.model.nominal_step >= WARMUP:
+            drawn += LAYER * drawn + LOOK * (step < 200 + VIEWS)
+        drawn += GAUSSIAN * done * added
+        seconds.append(slower * (FIXED + PIXEL * drawn))
+        clock.after_step(step, seconds[-1])
+        if step % 100 == 0 and step >= 300:
+            told[step + 1] = clock.left(step + 1, STEPS)
+    for step, left in told.items():
+        assert left == pytest.approx(sum(seconds[step:]), rel=0.25)
+
+
+def test_a_machine_that_gets_faster_is_noticed_within_minutes():
+    run = a_run(most=START)
+    clock = Clock(run, FIXED, PIXEL)
+    at_once = clock.left(500, STEPS)
+    for step in range(300):
+        clock.after_step(step, 3 * (FIXED + PIXEL * SIZE))
+    assert clock.left(500, STEPS) == pytest.approx(3 * at_once, rel=0.2)
+    for step in range(300, 1_800):
+        clock.after_step(step, FIXED + PIXEL * SIZE)
+    assert clock.left(500, STEPS) == pytest.approx(at_once, rel=0.2)
+
+
+def test_the_budgets_clock_does_not_make_the_steps_ahead_like_the_one_at_hand():
+    run = a_run(halves, most=START)
+    told = Clock(run, FIXED, PIXEL).left(0, STEPS)
+    run.model.schedule.plan = SimpleNamespace(reached=0.0)
+    assert Clock(run, FIXED, PIXEL).left(0, STEPS) == told
