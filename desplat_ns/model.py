@@ -21,6 +21,7 @@ from desplat_ns.backend import Rasterizer, resolve
 from desplat_ns.backend.accumulated_weights import accumulated_weights
 from desplat_ns.backend.protocol import Rendering, RenderSettings, Splats, View
 from desplat_ns.console import list_names
+from desplat_ns.data.images import resize_image
 from desplat_ns.data.point_cloud import distinct
 from desplat_ns.data.training_views import train_index, view_name
 from desplat_ns.errors import BackendUnavailableError, CaptureError, DeSplatError
@@ -317,8 +318,13 @@ class DeSplatModel(SplatfactoModel):
         )
 
     def get_gt_img(self, image: Tensor) -> Tensor:
-        """A photo [H, W, C] in [0, 1] at the step's size; 8 bit ones are reduced as such."""
-        small = self._downscale_if_required(image).to(self.device)
+        """A photo [H, W, C] in [0, 1] at the step's size; on a CPU 8 bit ones are reduced as such,
+        without the colours of what is transparent."""
+        if image.is_cpu and image.dtype == torch.uint8:
+            size = self._size_at_hand(image.shape[1], image.shape[0])
+            small = torch.from_numpy(resize_image(image.numpy(), *size)).to(self.device)
+        else:
+            small = self._downscale_if_required(image).to(self.device)
         return small.float() / 255.0 if image.dtype == torch.uint8 else small
 
     def mask_of(self, batch: dict[str, Any], device: torch.device) -> Tensor | None:

@@ -119,6 +119,18 @@ def test_a_step_draws_a_photo_in_its_size():
     assert torch.equal(shown, photo.float() / 255)
 
 
+def test_colours_of_what_is_transparent_do_not_bleed_into_smaller_photos():
+    model = make_model(train_downscale=5)
+    photo = torch.zeros(HEIGHT, WIDTH, 4, dtype=torch.uint8)
+    photo[:, :, 1] = 255  # green, which nobody sees
+    photo[:, :12] = torch.tensor([200, 0, 0, 255], dtype=torch.uint8)
+    shown = model.get_gt_img(photo)
+    assert shown.shape[1] == 5  # so that the edge lies within a pixel
+    seen = shown[..., 3] > 0
+    assert ((shown[..., 3] > 0.1) & (shown[..., 3] < 0.9)).any()
+    assert torch.allclose(shown[seen][:, :3] * 255, torch.tensor([200.0, 0, 0]), atol=1)
+
+
 def test_the_set_grows_more_easily_in_larger_photos():
     def threshold(first: float) -> float:
         return make_model(first_megapixels=first / 1e6, num_downscales=1).strategy.grow_grad2d

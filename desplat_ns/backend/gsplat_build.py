@@ -18,11 +18,10 @@ from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
 
-import psutil
 import torch
 from filelock import FileLock
 
-from desplat_ns.cores import cores
+from desplat_ns.cores import cores, memory
 
 BYTES_A_JOB = 4 << 30
 """Of memory that one compiler may need."""
@@ -89,7 +88,7 @@ def _variables(home: Path, folder: Path) -> Iterator[None]:
     made beside the kernels.
     """
     before = dict(os.environ)
-    jobs = min(cores(), max(1, psutil.virtual_memory().available // BYTES_A_JOB))
+    jobs = min(cores(), max(1, memory()[1] // BYTES_A_JOB))
     links = folder.parent / "links"
     for runtime in home.glob("lib/libcudart.so.*"):
         links.mkdir(exist_ok=True)

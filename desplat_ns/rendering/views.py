@@ -61,8 +61,8 @@ def view_of(
 
 
 def reduced(image: Shaped[Tensor, "H W C"], size: tuple[int, int]) -> Shaped[Tensor, "h w C"]:
-    """An image at a smaller (width, height), each pixel the mean of the area that it covers. 8 bit
-    colours have 8 bits on a CPU, and are floats on a GPU."""
+    """An image at a smaller (width, height), each pixel the mean of the area that it covers. On a
+    GPU the result is float32."""
     if image.is_cpu:
         smaller = cv2.resize(image.numpy(), size, interpolation=cv2.INTER_AREA)
         return torch.from_numpy(smaller.reshape(size[1], size[0], -1))
