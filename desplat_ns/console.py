@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Iterator
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from functools import cache
 from itertools import count
@@ -11,19 +12,14 @@ from typing import Any
 
 from nerfstudio.utils.rich_utils import CONSOLE
 from rich.markup import escape
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from desplat_ns.errors import printable
 
 LISTED_NAMES = 10
 """So many names are listed in an error; the rest is counted."""
+TOLD_FROM, TOLD_EVERY = 5.0, 60.0
+"""Seconds after which the time that is left is told first, and from one line to the next."""
 
 
 def announce(line: str, warning: bool = False) -> None:
@@ -72,23 +68,45 @@ def about(seconds: float) -> str:
 
 @contextmanager
 def progress_over(total: int, label: str) -> Iterator[Any]:
-    """A bar on the console; calling what is yielded advances it by one."""
+    """A bar on the console with the time left; calling what is yielded advances it by one."""
     with progress_with_time_left(label) as show:
+        show(0, total)
         done = count(1)
         yield lambda: show(next(done), total)
 
 
 @contextmanager
-def progress_with_time_left(label: str) -> Iterator[Callable[[int, int], None]]:
-    """A bar on the console with the time left; what is yielded takes what is done and the total."""
+def progress_with_time_left(label: str, alike: bool = True) -> Iterator[Callable[[int, int], None]]:
+    """A bar on the console with the time left; what is yielded takes what is done and the total.
+    Where no bar can be drawn, as in a log, the time is told in lines; where not all parts are
+    `alike`, so that the first say nothing of the others, it is not told."""
     columns = (
         TextColumn("[progress.description]{task.description}"),
         BarColumn(),
         MofNCompleteColumn(),
         TimeElapsedColumn(),
-        TextColumn("left:"),
-        TimeRemainingColumn(),
+        TextColumn("{task.fields[left]}"),
     )
     with Progress(*columns, console=CONSOLE, transient=True) as bar:
-        task = bar.add_task(f"[green]{escape(label)}", total=None)
-        yield lambda done, total: bar.update(task, completed=done, total=total)
+        task = bar.add_task(f"[green]{escape(label)}", total=None, left="")
+        seen, next_line = list[tuple[float, int]](), time.monotonic() + TOLD_FROM
+
+        def show(done: int, total: int) -> None:
+            nonlocal next_line
+            seen.append((now := time.monotonic(), done))
+            left = seconds_left(seen, total) if alike else None
+            text = f"{about(left)} left" if left else ""
+            bar.update(task, completed=done, total=total, left=text)
+            if left and now >= next_line and not CONSOLE.is_terminal:
+                next_line = now + TOLD_EVERY
+                announce(f"{label.rstrip('.')}: {text} on this machine.")
+
+        yield show
+
+
+def seconds_left(seen: Sequence[tuple[float, int]], total: int) -> float | None:
+    """Seconds until `total` parts are done, at the pace of the last two thirds of what was seen:
+    the first parts compile and read what others find. None before there is a pace. `seen`: times
+    in seconds, each with the number of parts that were done."""
+    (began, before), (now, done) = seen[len(seen) // 3], seen[-1]
+    return (now - began) * (total - done) / (done - before) if done > before else None

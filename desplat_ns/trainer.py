@@ -27,7 +27,7 @@ from nerfstudio.utils.misc import step_check
 from torch.optim.lr_scheduler import LambdaLR
 
 from desplat_ns.backend.registry import compile_kernels
-from desplat_ns.console import about, announce
+from desplat_ns.console import TOLD_EVERY, about, announce
 from desplat_ns.datamanager import DeSplatDataManagerConfig, training_split
 from desplat_ns.errors import CaptureError, CheckpointError
 from desplat_ns.files.whole import plain_errors
@@ -48,7 +48,7 @@ from desplat_ns.training.checkpoint import (
     save_atomically,
     step_of,
 )
-from desplat_ns.training.clock import TIMED_FROM, TOLD_EVERY, Clock
+from desplat_ns.training.clock import TIMED_FROM, Clock
 from desplat_ns.training.optimizers import follow, load_moments, optimizer_options, set_position
 from desplat_ns.training.schedule import (
     END_SECONDS,

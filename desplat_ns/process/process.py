@@ -137,8 +137,8 @@ def _make(request: Request, sources: Sources) -> dict[str, Any]:
             "of something with structure."
         )
     model = best.models[0]
-    with progress_with_time_left("Undistortion"):
-        undistort(request, model.folder, photos)
+    with progress_with_time_left("Undistortion") as show:
+        undistort(request, model, photos, show)
     return {
         "photos": len(model.photos),
         "of": len(photos),

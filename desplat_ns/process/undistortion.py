@@ -7,6 +7,7 @@ from __future__ import annotations
 import io
 import shutil
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor, wait
 from pathlib import Path
 
 import numpy as np
@@ -19,12 +20,13 @@ from matplotlib.figure import Figure
 from desplat_ns.cores import cores
 from desplat_ns.files.whole import write_whole
 from desplat_ns.process.photos import JPEG_QUALITY, Photo, write_picture
+from desplat_ns.process.reconstruction import Count, Model
 from desplat_ns.process.request import Request
 
 
-def undistort(request: Request, model: Path, photos: Sequence[Photo]) -> None:
+def undistort(request: Request, model: Model, photos: Sequence[Photo], progress: Count) -> None:
     """Write OUTPUT/cameras.png, OUTPUT/images and OUTPUT/sparse/0, whole or not at all. Alpha is
-    undistorted as its photo is.
+    undistorted as its photo is. `progress` is called each second.
 
     Raises:
         OSError: photos could not be written as a whole.
@@ -33,16 +35,16 @@ def undistort(request: Request, model: Path, photos: Sequence[Photo]) -> None:
     flat = output / "work" / "undistorted"
     shutil.rmtree(flat, ignore_errors=True)
     options = pycolmap.UndistortCameraOptions(max_image_size=request.longest_side)
-    pycolmap.undistort_images(
-        flat,
-        model,
-        output / "work" / "photos",
-        undistort_options=options,
-        jpeg_quality=JPEG_QUALITY,
-        num_threads=request.threads or cores(),
-    )
+    how = {"undistort_options": options, "jpeg_quality": JPEG_QUALITY}
+    how["num_threads"] = request.threads or cores()
+    with ThreadPoolExecutor(1) as pool:
+        places = flat, model.folder, output / "work" / "photos"
+        job = pool.submit(pycolmap.undistort_images, *places, **how)
+        while wait([job], timeout=1.0).not_done:  # pycolmap tells nothing, but writes file by file
+            progress(len(list(flat.glob("images/*"))), len(model.photos))
+        job.result()
     flat_model = pycolmap.Reconstruction(flat / "sparse")
-    bent_model = pycolmap.Reconstruction(model)
+    bent_model = pycolmap.Reconstruction(model.folder)
     draw_from_above(flat_model, output / "cameras.png")
     named, written = flat / "named", flat / "0"
     for image_id in flat_model.reg_image_ids():

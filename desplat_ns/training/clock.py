@@ -11,9 +11,6 @@ from desplat_ns.training.schedule import Schedule
 TIMED_FROM = 100
 """Steps of a run from which on trial steps are worth their time."""
 
-TOLD_EVERY = 60.0
-"""Seconds from one line about the time that is left to the next."""
-
 GAUSSIAN, LAYER, LOOK = 7, 0.4, 2_000_000
 """What is drawn besides the pixels of the static scene, in pixels that take as long on a CPU: a
 static Gaussian more than at the start, 6 to 11; distractors, for each of the photo's pixels, 0 to

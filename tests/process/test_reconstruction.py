@@ -75,6 +75,25 @@ def test_each_pairing_gives_every_photo_its_place(
 
 
 @pytest.mark.slow
+def test_matching_tells_what_is_done_of_what_is_left_after_few_pairs(
+    plain: Features, tmp_path: Path
+):
+    mine, told = plain.again(tmp_path), list[tuple[int, int]]()
+
+    def stop(done: int, total: int) -> None:
+        told.append((done, total))
+        if done:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        match_photos(mine.database, False, FEW, 1, stop)
+    match_photos(mine.database, False, FEW, 1, lambda done, total: told.append((done, total)))
+    pairs, few = told[1][1], told[1][0]
+    assert told[0] == (0, pairs) and 0 < few <= pairs / 4
+    assert told[2] == (0, pairs - few) and told[-1] == (pairs - few, pairs - few)
+
+
+@pytest.mark.slow
 def test_what_a_video_shows_again_at_its_end_is_compared_with_its_beginning(
     yard: Yard, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
