@@ -53,8 +53,7 @@ STAGES = {
 
 def bandwidth() -> float:
     """Bytes a CPU second of a copy of 512 MB, read and written, by all of numba's threads."""
-    source, target = np.ones((2, 1 << 26)), None
-    target = source[1]
+    source, target = np.ones((2, 1 << 26))
     parts = numba.get_num_threads()
 
     @numba.njit(parallel=True)
@@ -63,7 +62,7 @@ def bandwidth() -> float:
             size = a.size // parts
             b[i * size : (i + 1) * size] = a[i * size : (i + 1) * size]
 
-    return 2 * target.nbytes / median_of(lambda: copy(source[0], target), 7)
+    return 2 * target.nbytes / median_of(lambda: copy(source, target), 7)
 
 
 def rate() -> float:
@@ -104,7 +103,7 @@ def watched(seconds: dict[str, float], seen: dict[str, Any]) -> Iterator[None]:
         seconds["tile lists"] = before + time.process_time() - began
         return found
 
-    patches = [
+    patches: list[Any] = [
         mock.patch.object(module, "launch", launch)
         for module in (numba_tiles, binning, projection, sh, ssim)
     ]
