@@ -48,7 +48,7 @@ def test_regions_stay_until_the_next_look_and_in_a_checkpoint(monkeypatch):
     fresh = a_model()
     fresh.load_state_dict(model.state_dict())
     assert model.layer is not None and fresh.layer is not None
-    assert list(fresh.layer.witnesses.state()) == list(model.layer.witnesses.state()) == [0, 1]
+    assert list(fresh.layer.sweep.state()) == list(model.layer.sweep.state()) == [0, 1, 2]
     for layer_at_hand in (model.layer, fresh.layer):
         found = {index: regions.all() for index, regions in layer_at_hand.regions.items()}
         assert found == {2: False, 0: False, 1: True}
