@@ -163,7 +163,8 @@ def disputed(
     rays = np.tensordot(np.linalg.inv(photo.K), np.stack([x, y, np.ones_like(x)]), 1)
     places = np.concatenate([rays, inverse_depths[None]])
     window, near = (2 * RADIUS + 1,) * 2, np.ones((SURROUNDINGS,) * 2, np.uint8)
-    own, steps = cv2.blur(photo.colors[..., :3], window), []
+    opaque = np.full(photo.colors.shape[:2], 255, np.uint8)
+    own, steps = np.dstack([cv2.blur(photo.colors[..., :3], window), opaque]), []
     for other in others:
         to_other = other.K @ other.viewmat[:3] @ np.linalg.inv(photo.viewmat)
         *there, depth = np.tensordot(to_other, places, 1)
@@ -171,16 +172,13 @@ def disputed(
         at = [np.where(depth > 0, (uv / ahead - 0.5).clip(-9, 1e4), -9) for uv in there]
         u, v = np.stack(at).astype(np.float32)
         smooth = cv2.blur(other.colors[..., :3], window)
-        least, most, is_seen = (
-            cv2.remap(cells, u, v, cv2.INTER_NEAREST)
-            for cells in (
-                cv2.erode(smooth, near),
-                cv2.dilate(smooth, near),
-                _shown(other.colors, 2 * RADIUS + SURROUNDINGS),
-            )
-        )
-        step = cv2.max(cv2.subtract(least, own), cv2.subtract(own, most)).max(axis=-1)
-        steps.append(np.where(is_seen > 0, np.minimum(step, MOST), 255).astype(np.uint8))
+        alpha = _shown(other.colors, 2 * RADIUS + SURROUNDINGS)
+        least, most = (
+            cv2.remap(np.dstack([end(smooth, near), alpha]), u, v, cv2.INTER_NEAREST)
+            for end in (cv2.erode, cv2.dilate)
+        )  # where the other photo shows nothing alpha is 0, so the difference is 255
+        step = cv2.max(cv2.subtract(least, own), cv2.subtract(own, most))
+        steps.append(np.maximum(np.minimum(step[..., :3].max(axis=-1), MOST), step[..., 3]))
     half, lookers = _median(np.stack(steps), 255.0)
     is_disputed = (lookers >= FEWEST_LOOKERS) & (_shown(photo.colors, 2 * RADIUS + 1) > 0)
     return cv2.blur(np.where(is_disputed, half / np.float32(255), 0), near.shape)
