@@ -618,7 +618,7 @@ class DeSplatModel(SplatfactoModel):
         state: dict[str, Any] = {"static_strategy": dict(self.strategy_state)}
         if self.layer is not None:
             state["regions"] = dict(self.layer.regions)
-            state["photos"] = self.layer.witnesses.state()
+            state["photos"] = self.layer.sweep.state()
         return state
 
     def set_extra_state(self, state: dict[str, Any]) -> None:
@@ -626,4 +626,4 @@ class DeSplatModel(SplatfactoModel):
         self.strategy_state = to_device(state["static_strategy"], self.device)
         if self.layer is not None:
             self.layer.regions = to_device(state["regions"], self.device)
-            self.layer.witnesses.load(state["photos"])
+            self.layer.sweep.load(state["photos"])

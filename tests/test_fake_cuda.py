@@ -81,14 +81,12 @@ def rendering(count: int = N) -> Rendering:
 
 def a_layer(background: BackgroundGrade = "off") -> DistractorLayer:
     """What looks for regions, without what asks cameras where they stand. What other photos leave
-    unexplained is found on the CPU."""
+    unexplained is found by a thread, which puts it on the GPU."""
     layer = DistractorLayer.__new__(DistractorLayer)
     layer.background = background
     layer.regions = {}
-    witnesses: Any = SimpleNamespace(
-        keep=lambda *_: None, unexplained=lambda _: torch.rand(HEIGHT // 2, WIDTH // 2)
-    )
-    layer.witnesses = witnesses
+    sweep: Any = SimpleNamespace(photos={}, unexplained=lambda _, device: cuda(HEIGHT, WIDTH))
+    layer.sweep = sweep
     layer.config, layer.num_views = CONFIG, 8
     return layer
 
@@ -127,6 +125,7 @@ def test_looking_for_regions_and_what_follows_from_them_stays_on_the_gpu(number,
         assert step.usual is not None
         assert_on_cuda(step.usual, *losses)
         state[USUAL] = step.usual
+    assert_on_cuda(step.sweep_photo)
     assert (step.regions is None) == (number < CONFIG.static_warmup)
     if step.regions is not None:
         assert_on_cuda(step.regions)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, UInt8
 from nerfstudio.cameras.cameras import Cameras
 from nerfstudio.models.splatfacto import SplatfactoModelConfig
 from torch import Tensor
@@ -34,7 +34,7 @@ from desplat_ns.separation.regions import (
     own_sky,
 )
 from desplat_ns.separation.residuals import LEAST_VIEWS, USUAL, usual_residuals
-from desplat_ns.separation.witness import Witnesses
+from desplat_ns.separation.sweep import PlaneSweep, photo_to_sweep
 from desplat_ns.settings.effects import BackgroundGrade
 
 STOP_PLACING_AT = 27_000
@@ -71,8 +71,8 @@ class TrainStep:
     """Where distractors belong, on the grid of `grid_of`; None in the warm-up."""
     usual: Float[Tensor, " N"] | None = None
     """What the static Gaussians are to remember (`usual_residuals`); None for nothing new."""
-    witness: Float[Tensor, "3 rows columns"] | None = None
-    """What is to be kept of the photo, for when other photos are asked; None for nothing."""
+    sweep_photo: UInt8[Tensor, "fine_rows fine_columns C"] | None = None
+    """What the plane sweep is to keep of the photo (`photo_to_sweep`); None for nothing new."""
 
 
 class DistractorLayer:
@@ -106,7 +106,7 @@ class DistractorLayer:
         every = config.steps_between_refinements(self.num_views, scale)
         self.densifier = DistractorDensifier(config, static, every)
         self.rates_at: Callable[[int], Mapping[str, float]] = rates_at
-        self.witnesses = Witnesses(points, cameras)
+        self.sweep = PlaneSweep(points, cameras)
         self.regions: dict[int, Bool[Tensor, "rows columns"]] = {}
         """Those of each view, as it was last looked at."""
         if config.start == "residual" and self.num_views < FEW_VIEWS:
@@ -172,12 +172,14 @@ class DistractorLayer:
             The photo, under the mask as the static scene; and 1 in pixels of regions, if the view
             has distractors.
         """
-        counted = None
+        counted, photo_as_it_is = None, photo
         if mask is not None:
             photo, counted = apply_mask(photo, static, mask)
         train_step.photo, train_step.static_rgb = photo, static
         train_step.regions = self.regions.get(train_step.index)
         if self._looks(train_step):
+            if train_step.index not in self.sweep.photos:
+                train_step.sweep_photo = photo_to_sweep(photo_as_it_is, mask)
             self.update_regions(train_step, opacities, state, counted)
         if train_step.distractors is None or train_step.regions is None:
             return photo, None
@@ -221,11 +223,12 @@ class DistractorLayer:
             judged = scene if counted is None else scene & counted
         comparison, train_step.usual = compare(photo, static, usual, judged)
         if train_step.number < self.config.static_warmup:
-            train_step.witness = comparison.photo
             return
         comparison = replace(comparison, counted=counted)  # skies within a thing's outline are it
         train_step.regions = find_regions(
-            comparison, self.config, lambda: self.witnesses.unexplained(train_step.index)
+            comparison,
+            self.config,
+            lambda: self.sweep.unexplained(train_step.index, photo.device),
         )
 
     def commit(
@@ -246,8 +249,8 @@ class DistractorLayer:
         index, view = train_step.index, train_step.view
         if train_step.usual is not None:
             state[USUAL] = train_step.usual
-        if train_step.witness is not None:
-            self.witnesses.keep(index, train_step.witness)
+        if train_step.sweep_photo is not None:
+            self.sweep.keep(index, train_step.sweep_photo)
         refine_static()
         distractors, step = self.gaussians.views[index], train_step.number
         if train_step.distractors is not None:

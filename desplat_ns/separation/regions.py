@@ -169,7 +169,7 @@ def find_regions(
     nobody knows may belong to a region, and make none.
 
     Args:
-        unexplained: gives that of the photo, by `Witnesses.unexplained`, on any grid; None where
+        unexplained: gives that of the photo, by `PlaneSweep.unexplained`, on any grid; None where
             nobody was asked, and the excess alone is the evidence. On the CPU it is called only
             where the excess would be enough.
     """

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 import torch
 
+from desplat_ns.backend.protocol import Rendering, View
 from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.model import DeSplatModel
 from desplat_ns.separation import layer
@@ -48,7 +49,30 @@ def test_regions_stay_until_the_next_look_and_in_a_checkpoint(monkeypatch):
     fresh = a_model()
     fresh.load_state_dict(model.state_dict())
     assert model.layer is not None and fresh.layer is not None
-    assert list(fresh.layer.witnesses.state()) == list(model.layer.witnesses.state()) == [0, 1]
+    assert list(fresh.layer.sweep.state()) == list(model.layer.sweep.state()) == [0, 1, 2]
     for layer_at_hand in (model.layer, fresh.layer):
         found = {index: regions.all() for index, regions in layer_at_hand.regions.items()}
         assert found == {2: False, 0: False, 1: True}
+
+
+def test_what_the_sweep_keeps_does_not_depend_on_the_static_scene():
+    """Not in masked pixels either, and of the first visit alone."""
+    model = a_model()
+    assert model.layer is not None
+    view = View(torch.eye(4), torch.eye(3), 24, 20)
+    photo, mask = torch.rand(20, 24, 3), torch.ones(20, 24, 1, dtype=torch.bool)
+    mask[5:9] = False
+    kept = []
+    for value in (0.0, 1.0):
+        static = torch.full((20, 24, 3), value)
+        radii = torch.ones(30, dtype=torch.int32)
+        drawn = Rendering(static, static[..., :1], None, torch.rand(1, 30, 2), radii)
+        step = layer.TrainStep(0, 1, view, drawn)
+        model.layer.look(step, photo, static, mask, torch.zeros(30, 1), {})
+        kept.append(step.sweep_photo)
+    assert torch.equal(*kept)
+    assert (kept[0][5:9, :, 3] == 0).all()
+    model.layer.sweep.keep(1, kept[0])
+    step = layer.TrainStep(1, 1, view, drawn)
+    model.layer.look(step, photo, static, mask, torch.zeros(30, 1), {})
+    assert step.sweep_photo is None

@@ -1,0 +1,387 @@
+"""What other photos say of a place, whatever the scene has learned so far: a plane sweep.
+
+A residual cannot tell something in the way from a place that the scene has not learned, or that few
+photos show. Other photos can. The place is scene if two neighbours show the same as this photo at
+some depth, unless most of the photos that look at the place show something else there. If others
+look and no two of them agree with this photo at any depth, something may be in the way. If hardly
+anybody else looks, nobody knows, and leaving the place out would teach nothing. Letters in shapes:
+V views, P points.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+import weakref
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import count
+
+import cv2
+import numpy as np
+import torch
+from jaxtyping import Bool, Float, Int, UInt8
+from nerfstudio.cameras.cameras import Cameras
+from torch import Tensor
+
+from desplat_ns.backend.protocol import View
+from desplat_ns.console import about, announce
+from desplat_ns.rendering.near_plane import sampled
+from desplat_ns.rendering.views import image_points, in_image, views_of
+from desplat_ns.separation.grid import fine_grid_of, pooled, to_device
+
+MAX_POINTS = 3000
+"""Points of the reconstruction by which neighbours, depths and exposures are found."""
+
+PLANES = 64
+"""Depths that are tried, evenly spread in inverse depth, and one infinitely far away."""
+
+NEAREST, FARTHEST = 0.5, 8.0
+"""The depths reach from this share of the nearest point in view to this multiple of the farthest
+one: the 1% and 99% quantiles count."""
+
+NEIGHBOURS = 6
+"""Other photos that are asked about one."""
+
+BEST_ANGLE, WIDTHS = 8.0, (5.0, 12.0)
+"""Degrees between the directions from which two photos see their common points: neighbours at
+`BEST_ANGLE` are preferred, as nearer ones show something in the way before the same background and
+farther ones show another side of the scene. Weights fall like Gaussians of these widths, below and
+above it."""
+
+COMMON_POINTS = 10
+"""Photos with fewer common points are no neighbours."""
+
+MOST_ANGLES = 2**18
+"""Angles by which the neighbours of a photo are chosen: with more than some hundred photos, those
+at some of its points, so that each photo takes as long whatever their number."""
+
+FARTHEST_ANGLE, LOOKERS, FEWEST_LOOKERS = 60.0, 40, 8
+"""Photos up to `FARTHEST_ANGLE` degrees apart may dispute what two neighbours confirm. At most
+`LOOKERS` of them are asked, and `FEWEST_LOOKERS` have to look at a place: a few may all be wrong.
+"""
+
+RADIUS = 1
+"""Photos are compared over windows of 2 `RADIUS` + 1 cells."""
+
+SURROUNDINGS = 5
+"""Cells (an odd number) across, anywhere in which a photo may show a place without disputing it,
+because the depth is not exact. Disputes are averaged over as many."""
+
+LOOKED_AT = 0.5
+"""Share of the planes at which two neighbours have to look at a cell."""
+
+DARKEST = 8
+"""Of 255: darker colours say nothing of the exposure."""
+
+MOST = 254
+"""Of 255, how much colours differ at the most: 255 is left for what a photo does not show."""
+
+QUIET = 5.0
+"""Seconds of sweeping, in all, after which a line says how long it takes."""
+
+
+CPU = torch.device("cpu")
+
+
+@dataclass(frozen=True)
+class PosedPhoto:
+    """A photo in cells, and its camera."""
+
+    colors: UInt8[np.ndarray, "rows columns C"]
+    """Three colours; where a mask leaves something out, also alpha: 0 in cells that are not shown,
+    255 in others."""
+    K: Float[np.ndarray, "3 3"]
+    """Intrinsics, in cells."""
+    viewmat: Float[np.ndarray, "4 4"]
+    """World to camera, OpenCV axes."""
+
+
+def unexplained(
+    photo: PosedPhoto, others: Sequence[PosedPhoto], inverse_depths: Float[np.ndarray, " D"]
+) -> tuple[Float[np.ndarray, "rows columns"], Float[np.ndarray, "rows columns"]]:
+    """By how much each cell of a photo differs from what two others show, at the depth where they
+    come nearest to it, colours in [0, 1]; and that depth, inverse.
+
+    The difference is NaN where fewer than two others look at most of the depths: nobody knows; and
+    where the photo itself does not show all of the window. The second-best other counts, since the
+    best one may show the same thing in the way; at a depth at which one alone looks, that one.
+
+    Args:
+        others: in the exposure of the photo.
+        inverse_depths: of planes before the photo's camera, per world unit.
+
+    Source: plane sweep of Collins 1996, with the mean absolute difference of colours.
+    """
+    rows, columns = photo.colors.shape[:2]
+    least, looked = np.full((rows, columns), 255, np.uint8), np.zeros((rows, columns), int)
+    at = np.zeros((rows, columns))
+    opaque = np.dstack([photo.colors[..., :3], np.full_like(least, 255)])
+    pictures = [np.dstack([other.colors[..., :3], _shown(other.colors)]) for other in others]
+    homographies = [_homographies(photo, other, inverse_depths) for other in others]
+    for plane in range(len(inverse_depths)):
+        best, second = np.full((2, rows, columns), 255, np.uint8)
+        for (to_other, is_before), picture in zip(homographies, pictures, strict=True):
+            if not is_before[plane]:
+                continue
+            flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+            warped = cv2.warpPerspective(picture, to_other[plane], (columns, rows), flags=flags)
+            # where the other photo shows nothing alpha is 0, so the difference is 255
+            red, green, blue, alpha = cv2.split(cv2.absdiff(warped, opaque))
+            step = cv2.max(np.minimum(cv2.max(cv2.max(red, green), blue), MOST), alpha)
+            step = cv2.blur(step, (2 * RADIUS + 1,) * 2)
+            second = cv2.min(second, cv2.max(best, step))
+            best = cv2.min(best, step)
+        looked += second < 255
+        second = np.where(second < 255, second, best)  # one alone looks: that one
+        at[second < least] = inverse_depths[plane]
+        least = cv2.min(least, second)
+    is_known = looked >= LOOKED_AT * len(inverse_depths)
+    is_known &= _shown(photo.colors, 2 * RADIUS + 1) > 0
+    return np.where(is_known, least / np.float32(255), np.float32(np.nan)), at
+
+
+def disputed(
+    photo: PosedPhoto,
+    others: Sequence[PosedPhoto],
+    inverse_depths: Float[np.ndarray, "rows columns"],
+) -> Float[np.ndarray, "rows columns"]:
+    """By how much each cell of a photo at least differs from what half of the others that look at
+    its place show there, colours in [0, 1]; 0 where fewer than `FEWEST_LOOKERS` look, and where the
+    photo itself does not show all of the window.
+
+    It is averaged over a cell's surroundings: parts of what is in the way may have the colours of
+    what others see at their place.
+
+    Args:
+        others: in the exposure of the photo.
+        inverse_depths: of the cells before the photo's camera, per world unit.
+    """
+    y, x = np.indices(inverse_depths.shape) + 0.5
+    rays = np.tensordot(np.linalg.inv(photo.K), np.stack([x, y, np.ones_like(x)]), 1)
+    places = np.concatenate([rays, inverse_depths[None]])
+    window, near = (2 * RADIUS + 1,) * 2, np.ones((SURROUNDINGS,) * 2, np.uint8)
+    opaque = np.full(photo.colors.shape[:2], 255, np.uint8)
+    own, steps = np.dstack([cv2.blur(photo.colors[..., :3], window), opaque]), []
+    for other in others:
+        to_other = other.K @ other.viewmat[:3] @ np.linalg.inv(photo.viewmat)
+        *there, depth = np.tensordot(to_other, places, 1)
+        ahead = np.maximum(depth, np.finfo(np.float32).tiny)
+        at = [np.where(depth > 0, (uv / ahead - 0.5).clip(-9, 1e4), -9) for uv in there]
+        u, v = np.stack(at).astype(np.float32)
+        smooth = cv2.blur(other.colors[..., :3], window)
+        alpha = _shown(other.colors, 2 * RADIUS + SURROUNDINGS)
+        least, most = (
+            cv2.remap(np.dstack([end(smooth, near), alpha]), u, v, cv2.INTER_NEAREST)
+            for end in (cv2.erode, cv2.dilate)
+        )  # where the other photo shows nothing alpha is 0, so the difference is 255
+        step = cv2.max(cv2.subtract(least, own), cv2.subtract(own, most))
+        steps.append(np.maximum(np.minimum(step[..., :3].max(axis=-1), MOST), step[..., 3]))
+    half, lookers = _median(np.stack(steps), 255.0)
+    is_disputed = (lookers >= FEWEST_LOOKERS) & (_shown(photo.colors, 2 * RADIUS + 1) > 0)
+    return cv2.blur(np.where(is_disputed, half / np.float32(255), 0), near.shape)
+
+
+def _median(values: np.ndarray, absent: float) -> tuple[np.ndarray, np.ndarray]:
+    """The lower median along the first axis of the values below `absent`, and their number."""
+    present = (values < absent).sum(axis=0)
+    place = np.maximum(present - 1, 0)[None] // 2
+    return np.take_along_axis(np.sort(values, axis=0), place, axis=0)[0], present
+
+
+def _shown(
+    colors: UInt8[np.ndarray, "rows columns C"], window: int = 1
+) -> UInt8[np.ndarray, "rows columns"]:
+    """255 where the photo shows all cells of a window as far as it reaches, else 0."""
+    alpha = colors[..., 3] if colors.shape[2] > 3 else np.full(colors.shape[:2], 255, np.uint8)
+    return cv2.erode(alpha, np.ones((window, window), np.uint8))
+
+
+def _homographies(
+    photo: PosedPhoto, other: PosedPhoto, inverse_depths: Float[np.ndarray, " D"]
+) -> tuple[Float[np.ndarray, "D 3 3"], Bool[np.ndarray, " D"]]:
+    """From places in a photo to those in another, of points in planes before the photo's camera,
+    the middle of the first cell at 0, as OpenCV has it; and whether all that the photo shows of a
+    plane lies before the other camera."""
+    relative = other.viewmat @ np.linalg.inv(photo.viewmat)
+    turns = np.repeat(relative[None, :3, :3], len(inverse_depths), axis=0)
+    turns[:, :, 2] += inverse_depths[:, None] * relative[:3, 3]
+    middle = np.array([[1, 0, 0.5], [0, 1, 0.5], [0, 0, 1.0]])
+    there = np.linalg.inv(middle) @ other.K
+    to_other = there @ turns @ np.linalg.inv(photo.K) @ middle
+    rows, columns = photo.colors.shape[:2]
+    corners = np.array([[0, 0, 1], [columns, 0, 1], [0, rows, 1], [columns, rows, 1]])
+    return to_other, (to_other[:, 2] @ corners.T > 0).all(axis=1)
+
+
+@torch.no_grad()
+def photo_to_sweep(
+    photo: Float[Tensor, "H W 3"], mask: Bool[Tensor, "H W 1"] | None
+) -> UInt8[Tensor, "rows columns C"]:
+    """A photo in [0, 1] as `PosedPhoto` has it, in cells of `fine_grid_of`. Cells are shown if all
+    their pixels count by the user's mask, which is True there."""
+    height, width = photo.shape[:2]
+    layers = [photo] if mask is None else [photo, mask.to(photo.dtype)]
+    cells = pooled(torch.cat(layers, dim=-1), fine_grid_of(width, height))
+    cells[3:] = (cells[3:] > 0.999).to(cells.dtype)
+    return (cells * 255).round().byte().permute(1, 2, 0)
+
+
+class PlaneSweep:
+    """What each photo of a capture shows that others do not: of photos and cameras alone.
+
+    Photos are kept at their first visit. What is unexplained in one is found once: when it is first
+    asked for, or on a GPU ahead of that, by a thread that starts when all photos are there. Whoever
+    comes first does it, with the same result.
+    """
+
+    def __init__(self, points: Float[Tensor, "P 3"] | None, cameras: Cameras):
+        """Args:
+        points: of the reconstruction; without them nobody is a neighbour, and nothing is known.
+        cameras: the training cameras, shape [V].
+        """
+        self._cameras = cameras
+        self.photos: dict[int, UInt8[np.ndarray, "rows columns C"]] = {}
+        self._unexplained: dict[int, Float[Tensor, "rows columns"] | None] = {}
+        self._locks = [threading.Lock() for _ in range(len(cameras))]
+        """Of each photo: whoever has it sweeps."""
+        self._worker: threading.Thread | None = None
+        self._seconds = 0.0
+        points = torch.empty(0, 3) if points is None else points
+        self._points = sampled(points, MAX_POINTS).cpu()
+
+    def keep(self, index: int, photo: UInt8[Tensor, "rows columns C"]) -> None:
+        """Keep what the photo of a view shows, by `photo_to_sweep`."""
+        self.photos[index] = photo.cpu().numpy()
+        self._unexplained.clear()  # of fewer photos
+        self._work_ahead(photo.device)
+
+    def unexplained(
+        self, index: int, device: torch.device = CPU
+    ) -> Float[Tensor, "rows columns"] | None:
+        """The larger of `unexplained` and `disputed` of a kept photo, on the device; None where
+        nobody can be asked. If another thread is at it this one waits, and nowhere else."""
+        if index not in self.photos:
+            return None
+        self._work_ahead(device)
+        with self._locks[index]:
+            if index not in self._unexplained:
+                before, started = self._seconds, time.monotonic()
+                found = self._sweep(index)
+                self._unexplained[index] = None if found is None else to_device(found, device)
+                self._seconds += time.monotonic() - started
+                if before <= QUIET < self._seconds:
+                    photos, each = len(self.photos), self._seconds / len(self._unexplained)
+                    announce(f"Plane sweep of {photos} photos: {about(photos * each)}, once a run.")
+            return self._unexplained[index]
+
+    def state(self) -> dict[int, Tensor]:
+        """The kept photos, for a checkpoint."""
+        return {index: torch.from_numpy(photo) for index, photo in self.photos.items()}
+
+    def load(self, state: dict[int, Tensor]) -> None:
+        """Take up what `state` gave."""
+        self.photos = {index: photo.cpu().numpy() for index, photo in state.items()}
+        self._unexplained.clear()
+        self._worker = None
+
+    def _work_ahead(self, device: torch.device) -> None:
+        """Start the thread, if all photos are there. On a CPU it would take the cores of the steps,
+        and sweep photos in which nobody looks for regions."""
+        is_complete = len(self.photos) == len(self._cameras)
+        if device.type != "cpu" and is_complete and self._worker is None:
+            self._worker = threading.Thread(target=_sweep_all, args=(weakref.ref(self), device))
+            self._worker.start()
+
+    def _sweep(self, index: int) -> Float[np.ndarray, "rows columns"] | None:
+        degrees, weights, others = self._others(index)
+        if len(others) < 2:
+            return None
+        photo = self._posed(index)
+        depths = image_points(self._points, self.views[index])[2].numpy()[self._visible[index]]
+        nearest, farthest = np.quantile(depths, [0.01, 0.99])
+        ends = 1 / (NEAREST * nearest), 1 / (FARTHEST * farthest)
+        best = others[np.argsort(-weights, kind="stable")[:NEIGHBOURS]]
+        neighbours = [self._in_exposure_of(index, other) for other in best.tolist()]
+        planes = np.append(np.linspace(*ends, PLANES), 0.0)
+        found, at = unexplained(photo, neighbours, planes)
+        near = others[degrees < FARTHEST_ANGLE]
+        if len(near) < FEWEST_LOOKERS:
+            return found
+        near = near[:: -(-len(near) // LOOKERS)].tolist()
+        lookers = [self._in_exposure_of(index, other) for other in near]
+        return np.maximum(found, disputed(photo, lookers, at))
+
+    def _others(
+        self, index: int
+    ) -> tuple[Float[np.ndarray, " O"], Float[np.ndarray, " O"], Int[np.ndarray, " O"]]:
+        """Photos that show points which one shows, by degrees between the directions from which
+        they see these: degrees, how much they have to say as a neighbour, and their numbers."""
+        seen, others = self._visible[index], np.array(sorted(self.photos))
+        common = (self._visible[others] & seen).sum(axis=1)
+        is_other = (common >= COMMON_POINTS) & (others != index)
+        common, others = common[is_other], others[is_other]
+        points = np.flatnonzero(seen)
+        points = points[:: max(1, -(-len(points) * len(others) // MOST_ANGLES))]
+        centers = self._cameras.camera_to_worlds[..., 3].cpu().numpy()
+        rays = self._points.numpy()[points, None] - centers[np.append(others, index)]
+        rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
+        angles = np.degrees(np.arccos((rays[:, :-1] * rays[:, -1:]).sum(axis=-1).clip(-1, 1)))
+        is_common = self._visible[others][:, points].T
+        degrees, _ = _median(np.where(is_common, angles, 180.0), 180.0)
+        off = degrees - BEST_ANGLE
+        weights = common * np.exp(-((off / np.where(off > 0, WIDTHS[1], WIDTHS[0])) ** 2))
+        order = np.argsort(degrees, kind="stable")
+        return degrees[order], weights[order], others[order]
+
+    def _posed(self, index: int, gain: float | np.ndarray = 1.0) -> PosedPhoto:
+        """A photo with its camera, its colours times a gain."""
+        view, colors = self.views[index], self.photos[index].copy()
+        colors[..., :3] = (colors[..., :3] * gain).clip(0, 255).round()
+        smaller = np.array([colors.shape[1] / view.width, colors.shape[0] / view.height, 1])
+        K = smaller[:, None] * view.K.double().numpy()
+        return PosedPhoto(colors, K, view.viewmat.double().numpy())
+
+    def _in_exposure_of(self, index: int, other: int) -> PosedPhoto:
+        """Another photo, with a gain for each channel that fits it to this one at the points that
+        both show."""
+        common = self._visible[index] & self._visible[other]
+        (own, is_own), (theirs, is_theirs) = (self._at(i, common) for i in (index, other))
+        logs = np.log(own / theirs)[is_own & is_theirs]
+        return self._posed(other, np.exp(np.median(logs, axis=0)) if len(logs) else 1.0)
+
+    def _at(
+        self, index: int, common: Bool[np.ndarray, " P"]
+    ) -> tuple[Float[np.ndarray, "Q 3"], Bool[np.ndarray, " Q"]]:
+        """What a photo shows of some of its points, and of which it shows anything."""
+        colors = self.photos[index]
+        u, v, _ = (part.numpy()[common] for part in image_points(self._points, self.views[index]))
+        y, x = (v * colors.shape[0]).astype(int), (u * colors.shape[1]).astype(int)
+        return np.maximum(colors[y, x, :3].astype(float), DARKEST), _shown(colors)[y, x] > 0
+
+    @cached_property
+    def views(self) -> list[View]:
+        """Of all photos, on the host."""
+        return views_of(self._cameras.to("cpu"))
+
+    @cached_property
+    def _visible(self) -> Bool[np.ndarray, "V P"]:
+        """Points that the photos show, hidden ones too."""
+        return np.stack([in_image(*image_points(self._points, v)).numpy() for v in self.views])
+
+
+def _sweep_all(of: weakref.ref[PlaneSweep], device: torch.device) -> None:
+    """Sweep photo by photo while somebody is there to ask. An error comes again, and is seen, in
+    the step that asks for the photo.
+
+    No daemon: Python kills those at its end, and in OpenCV that aborts the process.
+    """
+    for index in count():
+        sweep = of()
+        if sweep is None or index not in sweep.photos or not threading.main_thread().is_alive():
+            return
+        with suppress(Exception):
+            sweep.unexplained(index, device)
+        del sweep

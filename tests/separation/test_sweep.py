@@ -1,0 +1,395 @@
+"""What other photos explain of one: photos of two textured planes, drawn ray by ray."""
+
+from __future__ import annotations
+
+import gc
+import subprocess
+import sys
+import threading
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+import torch
+from nerfstudio.cameras.cameras import Cameras
+
+from desplat_ns.rendering.views import views_of
+from desplat_ns.separation import sweep
+from desplat_ns.separation.sweep import PlaneSweep, PosedPhoto, photo_to_sweep, unexplained
+
+WIDTH, HEIGHT = 60, 40
+NEAR, FAR, EDGE = 2.0, 4.0, -0.3
+"""Depths of the two planes; the near one ends at this x."""
+
+INVERSE_DEPTHS = np.append(np.linspace(1.0, 1 / 32, 64), 0.0)
+THING = (slice(14, 26), slice(30, 42))
+"""Cells of a thing that is pasted into a photo: on the far plane, as the middle camera sees it."""
+
+
+def cameras(*places: tuple[float, float], back: Sequence[int] = ()) -> Cameras:
+    """Cameras at such x and y that look along +z, y down; those in `back` look along -z."""
+    poses = torch.zeros(len(places), 3, 4)
+    for index, (x, y) in enumerate(places):
+        turn = -1.0 if index in back else 1.0
+        poses[index, :, :3] = torch.diag(torch.tensor([turn, -1.0, -turn]))
+        poses[index, :2, 3] = torch.tensor([x, y])
+    return Cameras(poses, 50.0, 50.0, WIDTH / 2, HEIGHT / 2, WIDTH, HEIGHT)
+
+
+ROW = ((0.0, 0.0), (-0.4, 0.05), (-0.2, -0.05), (0.2, 0.05), (0.4, -0.05))
+
+
+def texture(x: np.ndarray, y: np.ndarray, depth: float) -> np.ndarray:
+    """Colours of a plane: waves of 8 to 20 cells, other ones on each plane and in each colour."""
+    generator = np.random.default_rng(int(depth))
+    color = np.full((*x.shape, 3), 0.5)
+    for _ in range(4):
+        angle, length = generator.uniform(0, np.pi, 3), generator.uniform(8, 20, 3) * depth / 50
+        along = x[..., None] * np.cos(angle) + y[..., None] * np.sin(angle)
+        color += 0.09 * np.sin(2 * np.pi * along / length + generator.uniform(0, 6, 3))
+    return color
+
+
+def photos_of(views: Cameras) -> list[PosedPhoto]:
+    """What the cameras see; black where they look away."""
+    photos = []
+    for view in views_of(views):
+        K, viewmat = view.K.double().numpy(), view.viewmat.double().numpy()
+        x, y = np.meshgrid(np.arange(WIDTH) + 0.5, np.arange(HEIGHT) + 0.5)
+        rays = np.stack([x, y, np.ones_like(x)], -1) @ np.linalg.inv(K).T @ viewmat[:3, :3]
+        center = -viewmat[:3, :3].T @ viewmat[:3, 3]
+        at = [center + rays * ((depth - center[2]) / rays[..., 2:]) for depth in (NEAR, FAR)]
+        near, far = (texture(p[..., 0], p[..., 1], p[0, 0, 2]) for p in at)
+        color = np.where(at[0][..., :1] < EDGE, near, far) * (rays[..., 2:] > 0)
+        photos.append(PosedPhoto((color * 255).round().astype(np.uint8), K, viewmat))
+    return photos
+
+
+def pasted(photo: PosedPhoto, shift: int = 0) -> PosedPhoto:
+    """With something magenta in the way, so many cells farther left."""
+    colors, (rows, columns) = photo.colors.copy(), THING
+    colors[rows, columns.start - shift : columns.stop - shift] = (255, 0, 255)
+    return PosedPhoto(colors, photo.K, photo.viewmat)
+
+
+def masked(photo: PosedPhoto, rows: slice, columns: slice) -> PosedPhoto:
+    """With cells that the user's mask leaves out, whatever they show."""
+    colors = np.dstack([photo.colors, np.full(photo.colors.shape[:2], 255, np.uint8)])
+    colors[rows, columns, 3] = 0
+    return PosedPhoto(colors, photo.K, photo.viewmat)
+
+
+def inside(cells: np.ndarray) -> np.ndarray:
+    """The cells of `THING`, less its rim."""
+    return cells[15:25, 31:41]
+
+
+# --- one photo and others -------------------------------------------------------------------------
+
+
+def test_what_all_photos_show_is_explained_on_both_planes():
+    photo, *others = photos_of(cameras(*ROW))
+    left, _ = unexplained(photo, others, INVERSE_DEPTHS)
+    near, far = left[4:-4, 10:20], left[4:-4, 32:50]  # the near plane ends in column 22
+    assert not np.isnan(near).any() and not np.isnan(far).any()
+    assert np.quantile(near, 0.95) < 0.03
+    assert np.quantile(far, 0.95) < 0.03
+
+
+def test_what_one_photo_alone_shows_is_not():
+    photo, *others = photos_of(cameras(*ROW))
+    assert inside(unexplained(pasted(photo), others, INVERSE_DEPTHS)[0]).min() > 0.2
+
+
+def test_one_neighbour_that_shows_the_same_explains_nothing_and_two_do():
+    photo, *others = photos_of(cameras(*ROW))
+    # 0.2 apart they see something before the far plane 3 cells apart, and 0.4 apart 6 cells
+    others[2] = pasted(others[2], 3)
+    assert inside(unexplained(pasted(photo), others, INVERSE_DEPTHS)[0]).min() > 0.2
+    others[3] = pasted(others[3], 6)
+    assert inside(unexplained(pasted(photo), others, INVERSE_DEPTHS)[0])[3:-3, 3:-3].max() < 0.01
+
+
+def test_where_fewer_than_two_others_look_nobody_knows():
+    """The others are 1 to the right: at half of the depths columns up to 26 are beyond them."""
+    photo, *others = photos_of(cameras((0.0, 0.0), (1.0, 0.0), (1.0, 0.1)))
+    left, _ = unexplained(photo, others, INVERSE_DEPTHS)
+    assert np.isnan(left[:, :24]).all()
+    assert not np.isnan(left[4:-8, 28:]).any()
+    assert np.isnan(unexplained(photo, others[:1], INVERSE_DEPTHS)[0]).all()
+    assert np.isnan(unexplained(photo, [], INVERSE_DEPTHS)[0]).all()
+
+
+def test_at_a_depth_at_which_one_other_alone_looks_it_is_enough():
+    photo, *others = photos_of(cameras((0.0, 0.0), (0.2, 0.05), (1.0, -0.05)))
+    left, at = unexplained(photo, others, np.linspace(0.55, 1 / 32, 64))
+    # the second other sees columns 16 to 21 of the far plane, and of the near one from 25 on
+    assert np.quantile(left[4:-4, 16:21], 0.95) < 0.03
+    np.testing.assert_allclose(np.median(at[4:-4, 16:21]), 1 / NEAR, atol=0.02)
+
+
+@pytest.mark.parametrize(("color", "others"), [(0, 255), (255, 0), (1, 255)])
+def test_black_before_white_is_unexplained_and_not_unknown(color, others):
+    photo, *neighbours = (
+        PosedPhoto(np.full_like(each.colors, value), each.K, each.viewmat)
+        for each, value in zip(photos_of(cameras(*ROW[:3])), (color, others, others), strict=True)
+    )
+    left, _ = unexplained(photo, neighbours, INVERSE_DEPTHS)
+    assert left[4:-4, 16:-16].min() > 0.98
+
+
+def test_what_is_masked_in_others_is_not_asked_and_in_the_photo_is_unknown():
+    photo, *others = photos_of(cameras(*ROW))
+    rows, columns = THING
+    wide = rows, slice(columns.start - 12, columns.stop + 12)  # at any depth that others see
+    # what three of four are asked about is not what their masks leave out
+    hidden = [masked(pasted(other), *wide) for other in others[:3]]
+    left, _ = unexplained(photo, [*hidden, others[3]], INVERSE_DEPTHS)
+    assert np.quantile(left[4:12, 32:50], 0.95) < 0.03  # above the masks all is as it was
+    middle = left[18:22, 34:38]
+    assert (np.isnan(middle) | (middle < 0.03)).all()
+    own, _ = unexplained(masked(pasted(photo), rows, columns), others, INVERSE_DEPTHS)
+    assert np.isnan(own[rows, columns]).all()
+    assert np.quantile(own[4:12, 32:50], 0.95) < 0.03
+
+
+def test_a_cell_is_shown_if_the_mask_leaves_in_all_of_it():
+    """400 x 400 pixels make 178 x 178 cells."""
+    photo, mask = torch.full((400, 400, 3), 0.4), torch.ones(400, 400, 1, dtype=torch.bool)
+    mask[100:200], photo[100:200] = False, torch.nan
+    cells = photo_to_sweep(photo, mask)
+    assert cells.shape == (178, 178, 4)
+    shown = cells[..., 3]
+    assert set(shown.unique().tolist()) == {0, 255}
+    assert (shown[:44] == 255).all() and (shown[44:89] == 0).all() and (shown[89:] == 255).all()
+    assert (cells[:44, :, :3] == 102).all()
+    assert photo_to_sweep(photo, None).shape == (178, 178, 3)
+
+
+# --- the photos of a capture ----------------------------------------------------------------------
+
+
+def points() -> torch.Tensor:
+    """Of both planes."""
+    generator = np.random.default_rng(0)
+    x, y = generator.uniform(-1.5, 1.5, 400), generator.uniform(-1.0, 1.0, 400)
+    z = np.where(x < EDGE * FAR / NEAR, NEAR, FAR)
+    return torch.from_numpy(np.stack([x, y, z], -1)).float()
+
+
+def swept(views: Cameras, photos: Sequence[PosedPhoto]) -> PlaneSweep:
+    """All of them were kept."""
+    asked = PlaneSweep(points(), views)
+    for index, photo in enumerate(photos):
+        asked.keep(index, torch.from_numpy(photo.colors))
+    return asked
+
+
+def test_neighbours_and_depths_come_from_the_points():
+    views = cameras(*ROW)
+    photo, *others = photos_of(views)
+    left = swept(views, [pasted(photo), *others]).unexplained(0)
+    assert left is not None and left.shape == (HEIGHT, WIDTH)
+    assert inside(left.numpy()).min() > 0.2
+    assert np.quantile(left[4:-4, 10:20], 0.95) < 0.03
+
+
+def test_what_two_neighbours_confirm_most_photos_may_dispute():
+    """A thing on the far plane: cameras that are 0.2 farther right see it 3 cells farther left."""
+    row = (0.0, 0.4, 0.6, -0.2, -0.4, -0.6, -0.8, -1.0, 0.8, 1.0)
+    views = cameras(*((x, 0.0) for x in row))
+    clean = photos_of(views)
+    things = [pasted(photo, round(15 * x)) for x, photo in zip(row, clean, strict=True)]
+
+    def left(with_thing: int, count: int = len(row)) -> np.ndarray:
+        photos = [*things[:with_thing], *clean[with_thing:]]
+        found = swept(views, photos[:count]).unexplained(0)
+        assert found is not None
+        return inside(found.numpy())[2:-2, 2:-2]
+
+    assert left(3).min() > 0.2
+    assert left(3, count=8).max() < 0.05  # seven others are too few to dispute anything
+    assert left(8).max() < 0.05  # it is the scene
+
+
+def test_the_exposure_of_other_photos_is_fitted_away():
+    views, gains = cameras(*ROW[:3]), (0.6, 0.7, 0.8)
+    photo, *others = photos_of(views)
+    exposed = [PosedPhoto((o.colors * gains).astype(np.uint8), o.K, o.viewmat) for o in others]
+    plain = swept(views, [photo, *others]).unexplained(0)
+    left = swept(views, [photo, *exposed]).unexplained(0)
+    assert plain is not None and left is not None
+    # rounded down to 1 of 255 twice, divided by a gain of 0.6
+    torch.testing.assert_close(left, plain, rtol=0, atol=0.015, equal_nan=True)
+
+
+def test_nobody_is_asked_without_points_photos_or_two_neighbours():
+    views = cameras(*ROW[:3])
+    photos = photos_of(views)
+    assert swept(views, photos).unexplained(0) is not None
+    without_points = PlaneSweep(None, views)
+    without_points.load(swept(views, photos).state())
+    assert without_points.unexplained(0) is None
+    assert swept(views, photos[:2]).unexplained(0) is None
+    assert swept(views, photos[:2]).unexplained(2) is None  # it was not kept itself
+    away = cameras(*ROW[:3], back=[2])
+    assert swept(away, photos_of(away)).unexplained(0) is None
+
+
+def test_exposure_is_fitted_to_what_no_mask_leaves_out():
+    views = cameras(*ROW[:3])
+    photo, *others = photos_of(views)
+    rows, columns = slice(0, HEIGHT), slice(0, 20)
+    spoiled = [masked(other, rows, columns) for other in others]
+    for other in spoiled:
+        other.colors[rows, columns, :3] = 255
+    clean = swept(views, [photo, *others]).unexplained(0)
+    left = swept(views, [photo, *spoiled]).unexplained(0)
+    assert clean is not None and left is not None
+    assert np.quantile(left[4:-4, 32:44], 0.95) < np.quantile(clean[4:-4, 32:44], 0.95) + 0.01
+    hidden = [masked(other, rows, slice(0, WIDTH)) for other in others]
+    nobody = swept(views, [photo, *hidden]).unexplained(0)
+    assert nobody is not None and nobody.isnan().all()
+
+
+def test_a_checkpoint_holds_the_photos():
+    views = cameras(*ROW)
+    first, *rest = photos_of(views)
+    asked = swept(views, [masked(first, *THING), *rest])
+    restored = PlaneSweep(points(), views)
+    assert restored.unexplained(0) is None  # what is known before is forgotten
+    restored.load(asked.state())
+    for index in range(len(ROW)):
+        expected, left = asked.unexplained(index), restored.unexplained(index)
+        assert expected is not None and left is not None
+        torch.testing.assert_close(left, expected, rtol=0, atol=0, equal_nan=True)
+
+
+def test_what_is_unexplained_does_not_depend_on_the_order_of_visits_and_is_found_once(monkeypatch):
+    views = cameras(*ROW)
+    photos = photos_of(views)
+    ordered, other = swept(views, photos), PlaneSweep(points(), views)
+    for index in (3, 0, 4, 2, 1):
+        other.keep(index, torch.from_numpy(photos[index].colors))
+        other.unexplained(index)  # of those that are there; not for long
+    one, same = ordered.unexplained(2), other.unexplained(2)
+    assert one is not None and same is not None
+    torch.testing.assert_close(one, same, rtol=0, atol=0, equal_nan=True)
+    monkeypatch.setattr(sweep, "unexplained", None)
+    assert ordered.unexplained(2) is one
+
+
+def ring(count: int) -> Cameras:
+    """Around the z axis, 10 away from it, looking at it; columns to the right."""
+    angles = torch.arange(count) * (2 * torch.pi / count)
+    poses = torch.zeros(count, 3, 4)
+    poses[:, 0, 0], poses[:, 1, 0] = -angles.sin(), angles.cos()
+    poses[:, 2, 1] = 1.0
+    poses[:, 0, 2], poses[:, 1, 2] = angles.cos(), angles.sin()
+    poses[:, :, 3] = 10 * poses[:, :, 2]
+    return Cameras(poses, 50.0, 50.0, WIDTH / 2, HEIGHT / 2, WIDTH, HEIGHT)
+
+
+@pytest.mark.parametrize("count", [90, 720])
+def test_neighbours_are_about_eight_degrees_away_however_many_photos_there_are(count):
+    """With 720 photos angles are taken at some of the points only."""
+    asked = PlaneSweep(
+        torch.randn(3000, 3, generator=torch.Generator().manual_seed(0)), ring(count)
+    )
+    grey = torch.full((HEIGHT, WIDTH, 3), 128, dtype=torch.uint8)
+    asked.load(dict.fromkeys(range(count), grey))
+    degrees, weights, others = asked._others(7)
+    apart = np.abs((others - 7 + count / 2) % count - count / 2) * 360 / count
+    np.testing.assert_allclose(degrees, apart, atol=0.15 * apart.max())
+    assert np.abs(degrees[np.argsort(-weights)[:6]] - 8).max() < 8
+
+
+# --- the thread that sweeps ahead -----------------------------------------------------------------
+
+
+@pytest.fixture
+def as_on_a_gpu(monkeypatch: pytest.MonkeyPatch) -> torch.device:
+    """A device that is no CPU, on which results stay where they are."""
+    monkeypatch.setattr(sweep, "to_device", lambda values, _: torch.from_numpy(values))
+    return torch.device("meta")
+
+
+def workers() -> list[threading.Thread]:
+    return [t for t in threading.enumerate() if "_sweep_all" in t.name]
+
+
+def test_on_a_gpu_a_thread_finds_what_is_found_on_a_cpu(as_on_a_gpu):
+    views = cameras(*ROW)
+    expected, asked = swept(views, photos_of(views)), swept(views, photos_of(views))
+    assert not workers()
+    for index in (4, 0, 2, 1, 3):  # neither first in, first out, nor what the thread is at
+        one, same = expected.unexplained(index), asked.unexplained(index, as_on_a_gpu)
+        assert one is not None and same is not None
+        torch.testing.assert_close(one, same, rtol=0, atol=0, equal_nan=True)
+    for worker in workers():
+        worker.join(20)
+    assert not workers()
+
+
+def test_the_thread_starts_with_the_last_photo_and_ends_with_who_asks(as_on_a_gpu, monkeypatch):
+    views, at_it, go_on = cameras(*ROW), threading.Event(), threading.Event()
+
+    def slow(*_: object) -> None:
+        at_it.set()
+        assert go_on.wait(20)
+
+    monkeypatch.setattr(PlaneSweep, "_sweep", slow)
+    asked = swept(views, photos_of(views)[:-1])
+    asked._work_ahead(as_on_a_gpu)
+    assert not workers()
+    asked.keep(4, torch.from_numpy(photos_of(views)[-1].colors))
+    asked._work_ahead(as_on_a_gpu)
+    (worker,) = workers()
+    assert at_it.wait(20)
+    done = asked._unexplained
+    del asked
+    gc.collect()
+    go_on.set()
+    worker.join(20)
+    assert not worker.is_alive() and len(done) == 1
+
+
+def test_an_error_of_the_thread_is_one_of_the_step_that_asks(as_on_a_gpu, monkeypatch):
+    def broken(*_: object) -> None:
+        raise ValueError("broken")
+
+    views = cameras(*ROW)
+    monkeypatch.setattr(sweep, "unexplained", broken)
+    asked = swept(views, photos_of(views))
+    asked._work_ahead(as_on_a_gpu)
+    for worker in workers():
+        worker.join(20)
+    with pytest.raises(ValueError, match="broken"):
+        asked.unexplained(1, as_on_a_gpu)
+
+
+@pytest.mark.slow
+def test_a_process_that_ends_does_not_wait_for_all_photos():
+    script = """
+import time, torch
+from desplat_ns.separation import sweep
+from tests.separation.test_sweep import ROW, cameras, photos_of, swept
+sweep.PlaneSweep._sweep = lambda *_: time.sleep(2.0)
+asked = swept(cameras(*ROW * 8), photos_of(cameras(*ROW * 8)))
+asked._work_ahead(torch.device("meta"))
+raise KeyboardInterrupt
+"""
+    ended = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, timeout=60, check=False
+    )
+    assert ended.returncode in (-2, 130) and "KeyboardInterrupt" in ended.stderr
+
+
+def test_a_long_sweep_says_so_once(monkeypatch):
+    lines, views = [], cameras(*ROW)
+    monkeypatch.setattr(sweep, "announce", lines.append)
+    monkeypatch.setattr(sweep, "QUIET", 0.0)
+    asked = swept(views, photos_of(views))
+    for index in range(3):
+        asked.unexplained(index)
+    assert len(lines) == 1 and "5 photos" in lines[0]
