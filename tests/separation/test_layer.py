@@ -3,16 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 import torch
+from nerfstudio.data.datamanagers.full_images_datamanager import (
+    FullImageDatamanager,
+    FullImageDatamanagerConfig,
+)
 
 from desplat_ns.gaussians.distractor_config import DistractorConfig
+from desplat_ns.gaussians.distractors import DistractorGaussians
 from desplat_ns.model import DeSplatModel
+from desplat_ns.model_config import DeSplatModelConfig
 from desplat_ns.separation import layer
+from desplat_ns.separation.layer import DistractorLayer, TrainStep
 from desplat_ns.separation.regions import Comparison
+from desplat_ns.training.schedule import RunStep, Schedule
 from tests.helpers.small_model import NUM_VIEWS, Trainer, make_model
+from tests.helpers.well_known_scene import cameras, nothing_drawn, the_view
 
 
 def a_model(**changes: Any) -> DeSplatModel:
@@ -40,6 +50,36 @@ def test_photos_are_looked_at_after_the_warm_up_and_then_in_every_third_round(mo
     """Three views, a warm-up of two steps."""
     model = a_model()
     assert looks(monkeypatch, model, range(21)) == [2, 3, 4, 9, 10, 11, 18, 19, 20]
+
+
+@pytest.mark.parametrize("steps", [300, 3_000, 30_000])
+def test_after_the_warm_up_a_photo_is_looked_at_at_once_and_then_in_every_third_visit(steps):
+    """40 photos in the order of nerfstudio; the run goes on from a checkpoint in the middle."""
+    schedule = Schedule(steps / 30_000)
+    run = DeSplatModelConfig(
+        schedule_scale=schedule.scale,
+        distractors=DistractorConfig(start="residual", static_warmup=None),
+    ).for_run(40)
+    cams = cameras()[torch.zeros(40, dtype=torch.long)]
+    gaussians = DistractorGaussians(run.distractors, cams)
+    manager: Any = SimpleNamespace(train_dataset=range(40), config=FullImageDatamanagerConfig())
+    at_hand, unseen, visits = None, [], {index: [] for index in range(40)}
+    for step in map(RunStep, range(steps)):
+        if at_hand is None or step == steps // 2:
+            regions = {} if at_hand is None else at_hand.regions
+            at_hand = DistractorLayer(gaussians, run.distractors, run, cams, None)
+            at_hand.regions = regions
+        unseen = unseen or FullImageDatamanager.sample_train_cameras(manager)
+        index, nominal = unseen.pop(0), schedule.nominal(step)
+        looks = at_hand._looks(TrainStep(nominal, step, index, the_view(), nothing_drawn()))
+        if nominal >= run.distractors.warmup:
+            visits[index].append(looks)
+            at_hand.regions[index] = torch.ones(1, 1, dtype=torch.bool)
+        assert looks or nominal >= run.distractors.warmup
+    for looked in visits.values():
+        first, *gaps = torch.tensor(looked).nonzero()[:, 0].diff(prepend=torch.tensor([0])).tolist()
+        assert first == 0 and len(gaps) >= len(looked) // 3 - 1
+        assert all(1 <= gap <= 3 for gap in gaps[:1]) and all(gap == 3 for gap in gaps[1:])
 
 
 def test_regions_stay_until_the_next_look_and_in_a_checkpoint(monkeypatch):
