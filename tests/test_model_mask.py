@@ -18,7 +18,9 @@ WARMING_UP: dict[str, Any] = {"static_warmup": 100}
 
 def gradients(options: dict[str, Any], backend: str, mask: torch.Tensor) -> DeSplatModel:
     """The model of a small wall after the backward pass of one step."""
-    x, y = torch.meshgrid(torch.linspace(-1.5, 1.5, 16), torch.linspace(-1.2, 1.2, 12), indexing="xy")
+    x, y = torch.meshgrid(
+        torch.linspace(-1.5, 1.5, 16), torch.linspace(-1.2, 1.2, 12), indexing="xy"
+    )
     points = torch.stack([x, y, torch.zeros_like(x)], dim=-1).reshape(-1, 3)
     distractors = DistractorConfig(per_view=100, **options)
     model = make_model(points, backend=backend, opacity_prior=0.2, distractors=distractors)

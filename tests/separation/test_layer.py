@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -17,12 +18,12 @@ from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.gaussians.distractors import DistractorGaussians
 from desplat_ns.model import DeSplatModel
 from desplat_ns.model_config import DeSplatModelConfig
-from desplat_ns.separation import layer
+from desplat_ns.separation import layer, regions
 from desplat_ns.separation.layer import DistractorLayer, TrainStep
-from desplat_ns.separation.regions import Comparison
+from desplat_ns.separation.regions import Comparison, StaticView
 from desplat_ns.training.schedule import RunStep, Schedule
 from tests.helpers.small_model import NUM_VIEWS, Trainer, make_model
-from tests.helpers.well_known_scene import cameras, nothing_drawn, the_view
+from tests.helpers.well_known_scene import WellKnownScene, cameras, nothing_drawn, the_view
 
 
 def a_model(**changes: Any) -> DeSplatModel:
@@ -66,9 +67,9 @@ def test_after_the_warm_up_a_photo_is_looked_at_at_once_and_then_in_every_third_
     at_hand, unseen, visits = None, [], {index: [] for index in range(40)}
     for step in map(RunStep, range(steps)):
         if at_hand is None or step == steps // 2:
-            regions = {} if at_hand is None else at_hand.regions
+            kept = {} if at_hand is None else at_hand.regions
             at_hand = DistractorLayer(gaussians, run.distractors, run, cams, None)
-            at_hand.regions = regions
+            at_hand.regions = kept
         unseen = unseen or FullImageDatamanager.sample_train_cameras(manager)
         index, nominal = unseen.pop(0), schedule.nominal(step)
         looks = at_hand._looks(TrainStep(nominal, step, index, the_view(), nothing_drawn()))
@@ -90,5 +91,30 @@ def test_regions_stay_until_the_next_look_and_in_a_checkpoint(monkeypatch):
     assert model.layer is not None and fresh.layer is not None
     assert list(fresh.layer.witnesses.state()) == list(model.layer.witnesses.state()) == [0, 1]
     for layer_at_hand in (model.layer, fresh.layer):
-        found = {index: regions.all() for index, regions in layer_at_hand.regions.items()}
+        found = {index: each.all() for index, each in layer_at_hand.regions.items()}
         assert found == {2: False, 0: False, 1: True}
+
+
+def test_what_gaussians_count_for_has_the_same_bits_on_any_number_of_threads(monkeypatch):
+    """From 32,768 Gaussians on torch splits them."""
+    scene, seen, before = WellKnownScene(), [], torch.get_num_threads()
+    logits = 3 * torch.randn(65_537, 1, generator=torch.Generator().manual_seed(0))
+    places, radii = 30 * torch.rand(1, len(logits), 2), torch.ones(len(logits)).int()
+    config = DistractorConfig(start="residual", static_warmup=5)
+    gaussians = DistractorGaussians(config, cameras())
+    at_hand = DistractorLayer(gaussians, config, DeSplatModelConfig(), cameras(), None)
+
+    def compare(photo: torch.Tensor, static: StaticView, *rest: Any) -> Any:
+        seen.append(static.opacities)
+        return regions.compare(photo, static, *rest)
+
+    monkeypatch.setattr(layer, "compare", compare)
+    try:
+        for threads in (1, 2):
+            torch.set_num_threads(threads)
+            step = scene.train_step(0, scene.photo)
+            step.static = replace(scene.drawn, means2d=places, radii=radii)
+            at_hand.update_regions(step, logits, {}, None)
+    finally:
+        torch.set_num_threads(before)
+    assert torch.equal(*seen)
