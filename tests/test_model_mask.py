@@ -61,7 +61,7 @@ def test_what_lies_in_the_masked_half_of_a_photo_is_not_moved(options, backend):
     mask[:, : WIDTH // 2] = 0
     model = gradients(options, backend, mask)
     assert model.train_step is not None
-    drawn = [(model.gauss_params, model.train_step.static)]
+    drawn: list[Any] = [(model.gauss_params, model.train_step.static)]
     if model.train_step.distractors is not None:
         drawn.append((distractors_of(model, 1), model.train_step.distractors))
     for params, rendering in drawn:
