@@ -10,6 +10,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from desplat_ns.backend.ssim import compiled_photometric, is_fast, similarities
+from desplat_ns.gaussians.activation import sigmoid
 from desplat_ns.photo_tourism.camera_response import PRIOR_STD
 from desplat_ns.rendering.layers import composite_alpha
 
@@ -89,7 +90,7 @@ def mean_shown_opacity(
     Source: the regularizer of Kheradmand et al. 2024 (Sec. 3.4), which is over all Gaussians.
     """
     shown = visible[:, None].to(opacities)
-    return (opacities.sigmoid() * shown).sum() / shown.sum().clamp(min=1)
+    return (sigmoid(opacities) * shown).sum() / shown.sum().clamp(min=1)
 
 
 def camera_response_loss(

@@ -87,7 +87,7 @@ def separating_distractors() -> DistractorConfig:
     return DistractorConfig(
         start="residual",
         static_alone=True,
-        static_warmup=6_000,
+        static_warmup=None,
         lambda_d=0.1,
         initial_opacity=0.5,
         leak=0.03,

@@ -58,8 +58,9 @@ from desplat_ns.rendering.near_plane import sampled, scene_start, stands_clear
 from desplat_ns.rendering.views import held, reduced, view_of
 from desplat_ns.separation.layer import DistractorLayer, TrainStep
 from desplat_ns.separation.placement import distractor_weight
+from desplat_ns.separation.residuals import cells_of
 from desplat_ns.settings.effects import Effects
-from desplat_ns.training.schedule import Schedule, pause_after_reset
+from desplat_ns.training.schedule import NominalStep, RunStep, Schedule, pause_after_reset
 from desplat_ns.viewer import LayerControl
 
 MIN_SEED_POINTS = 4
@@ -172,10 +173,11 @@ class DeSplatModel(SplatfactoModel):
     def view_optimizers(self) -> dict[str, Optimizer]:
         """Those of the distractors that the step at hand drew, beside nerfstudio's, which hold what
         all views share."""
-        train_step = self.train_step
-        if self.layer is None or train_step is None:
+        step = self.train_step
+        if self.distractors is None or step is None or step.distractors is None:
             return {}
-        return self.layer.optimizers_of(train_step)
+        own = self.distractors.views[step.index].optimizers
+        return {f"distractor_{name}": optimizer for name, optimizer in own.items()}
 
     def get_training_callbacks(
         self, training_callback_attributes: TrainingCallbackAttributes
@@ -216,16 +218,21 @@ class DeSplatModel(SplatfactoModel):
         """As `get_outputs`; begins the `TrainStep`."""
         view, embedding = self.view_of_camera(camera, index), self.embedding_of(index)
         static = self.render_static(view, embedding)
-        self.train_step = step = TrainStep(self.nominal_step, index, view, static)
+        self.train_step = step = TrainStep(
+            self.nominal_step, RunStep(self.step), index, view, static
+        )
         if self.layer is not None:
             rasterize = self._rasterizer_of(held(view))  # poses are the static scene's to learn
-            step.distractors = self.layer.draw_for_training(step.number, index, rasterize)
+            step.distractors = self.layer.draw_for_training(step.nominal, index, rasterize)
         background = self.background_of(view, embedding)
         image = self.image_of(static, background, view, embedding)
         outputs = static_outputs(static, image, background)
         if self.layer is not None:
             outputs["rgb_static"] = outputs["rgb"]
-            outputs |= self.layer.training_outputs(step, image, outputs["rgb"])
+            # The composite's loss moves distractors only: what lies beneath them is a constant.
+            alone = self.layer.config.static_alone and step.distractors is not None
+            beneath = image.detach() if alone else image
+            outputs |= layered_outputs(beneath, outputs["rgb"], step.distractors)
             outputs["rgb"] = outputs["rgb_composite"]
         if self.config.use_bilateral_grid:
             for name in outputs.keys() & {"rgb", "rgb_static"}:
@@ -251,6 +258,8 @@ class DeSplatModel(SplatfactoModel):
         assert step is not None
         alpha_s = outputs["accumulation"]
         alpha_d = outputs.get("alpha_distractor", torch.zeros_like(alpha_s))
+        if mask is not None:  # in what it leaves out nothing is drawn, and nothing is missing
+            alpha_s, alpha_d = alpha_s.where(mask, 1.0), alpha_d.where(mask, 0.0)
         losses: dict[str, Tensor] = {}
         owned = in_region = None
         if layer is not None:
@@ -279,7 +288,7 @@ class DeSplatModel(SplatfactoModel):
             numbers = self.image_effects.responses[step.index]
             mean = self.image_effects.responses.mean(dim=0)
             losses["camera_response"] = camera_response_loss(numbers, mean, losses["main_loss"])
-        losses |= self._others()
+        losses |= self._others(mask)
         self.losses = {name: value.detach() for name, value in losses.items()}
         return losses
 
@@ -290,10 +299,10 @@ class DeSplatModel(SplatfactoModel):
         do not own; in masked pixels the composite shows the static scene, as the photo does."""
         assert self.layer is not None and self.train_step is not None
         static, composite, weight = outputs["rgb_static"], outputs["rgb"], self.config.ssim_lambda
-        grows = self.train_step.number < self.config.stop_split_at
+        grows = self.train_step.nominal < self.config.stop_split_at
         leak = self.layer.config.leak if grows else 0.0
-        if mask is not None:
-            composite = torch.where(mask, composite, static.detach())
+        if mask is not None:  # windows reach across its border
+            static, composite = (static.detach().where(~mask, i) for i in (static, composite))
         if self.config.use_bilateral_grid:  # the composite moves the grids everywhere
             (own,) = photometric_losses(photo, owned, weight, static, leak=leak)
             (main,) = photometric_losses(photo, None, weight, composite)
@@ -341,8 +350,9 @@ class DeSplatModel(SplatfactoModel):
         size = self._size_at_hand(width, height)
         return image if size == (width, height) else reduced(image, size)
 
-    def _others(self) -> dict[str, Tensor]:
-        """The other terms of Splatfacto (nerfstudio 1.1.5), and what `opacity-prior` charges."""
+    def _others(self, mask: Tensor | None = None) -> dict[str, Tensor]:
+        """The other terms of Splatfacto (nerfstudio 1.1.5), and what `opacity-prior` charges: where
+        there is a mask, Gaussians whose centres lie in pixels that count."""
         losses, config = {}, self.config
         if config.use_scale_regularization and self.step % 10 == 0:
             scales = torch.exp(self.scales)
@@ -355,7 +365,11 @@ class DeSplatModel(SplatfactoModel):
             losses["tv_loss"] = 10 * total_variation_loss(self.bil_grids.grids)
         if config.opacity_prior > 0:
             weight, opacities = config.opacity_prior / self.num_train_data, self.opacities
-            losses["opacity_prior"] = weight * mean_shown_opacity(opacities, self.shown)
+            shown = self.shown
+            if mask is not None:
+                means2d = self.info["means2d"].detach()[0]
+                shown, _ = cells_of(means2d, shown, mask.shape[:2], mask[..., 0])
+            losses["opacity_prior"] = weight * mean_shown_opacity(opacities, shown)
         return losses
 
     def step_post_backward(self, step: int) -> None:
@@ -444,9 +458,9 @@ class DeSplatModel(SplatfactoModel):
         )
 
     @property
-    def nominal_step(self) -> int:
+    def nominal_step(self) -> NominalStep:
         """Where schedules are in the step at hand."""
-        return self.schedule.nominal(self.step)
+        return self.schedule.nominal(RunStep(self.step))
 
     @property
     def active_sh_degree(self) -> int | None:

@@ -53,6 +53,7 @@ from desplat_ns.training.optimizers import follow, load_moments, optimizer_optio
 from desplat_ns.training.schedule import (
     END_SECONDS,
     BudgetPlan,
+    RunStep,
     Schedule,
     early_rate_factor,
     plan_budget,
@@ -159,7 +160,8 @@ class DeSplatTrainer(Trainer):
         warmup, wanted = self._model_config.warmup_of(photos)
 
         def early(step: int) -> float:
-            return max(1.0, early_rate_factor(schedule.nominal(step), warmup, wanted) / raised)
+            nominal = schedule.nominal(RunStep(step))
+            return max(1.0, early_rate_factor(nominal, warmup, wanted) / raised)
 
         optimizers = self._guarded_optimizers(raised)
         follow(optimizers, schedule, early)
@@ -414,7 +416,7 @@ class DeSplatTrainer(Trainer):
         """What nerfstudio's commands read of a checkpoint, and what makes resume exact."""
         state = {
             "step": step,
-            "nominal": self.pipeline.model.schedule.nominal(step + 1),
+            "nominal": self.pipeline.model.schedule.nominal(RunStep(step + 1)),
             "pipeline": self.pipeline.state_dict(),
             "optimizers": {k: v.state_dict() for k, v in self.optimizers.optimizers.items()},
             "rng": resume.rng_state(),
@@ -427,7 +429,7 @@ class DeSplatTrainer(Trainer):
         if self._saved is None:
             return
         (path, state), self._saved = self._saved, None
-        done, total = state["step"] + 1, self.config.max_num_iterations
+        done, total = RunStep(state["step"] + 1), self.config.max_num_iterations
         schedule = self.pipeline.model.schedule
         if schedule.go_on(done, state.get("nominal", schedule.nominal(done)), total):
             announce(

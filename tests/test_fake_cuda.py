@@ -45,6 +45,7 @@ from desplat_ns.separation.layer import DistractorLayer, TrainStep
 from desplat_ns.separation.placement import distractor_weight
 from desplat_ns.separation.residuals import USUAL
 from desplat_ns.settings.effects import BackgroundGrade, Effects
+from desplat_ns.training.schedule import NominalStep, RunStep
 from desplat_ns.training.step_guard import sum_of_squares
 
 WIDTH, HEIGHT, N = 60, 40, 50
@@ -92,7 +93,8 @@ def a_layer(background: BackgroundGrade = "off") -> DistractorLayer:
 
 
 def a_step(number: int) -> TrainStep:
-    step = TrainStep(number, 0, the_view(), rendering(), rendering(9))
+    at = NominalStep(number), RunStep(number)
+    step = TrainStep(*at, 0, the_view(), rendering(), rendering(9))
     step.photo, step.static_rgb = cuda(HEIGHT, WIDTH, 3), cuda(HEIGHT, WIDTH, 3)
     return step
 
@@ -126,7 +128,7 @@ def test_looking_for_regions_and_what_follows_from_them_stays_on_the_gpu(number,
         assert_on_cuda(step.usual, *losses)
         state[USUAL] = step.usual
     assert_on_cuda(step.sweep_photo)
-    assert (step.regions is None) == (number < CONFIG.static_warmup)
+    assert (step.regions is None) == (number < CONFIG.warmup)
     if step.regions is not None:
         assert_on_cuda(step.regions)
 
@@ -150,9 +152,9 @@ def test_densification_stays_on_the_gpu_until_it_counts_what_to_clone(start):
     means2d: Any = drawn.means2d
     means2d.absgrad = cuda(1, N, 2)
     info = strategy_info(drawn, view)
-    distractors.refinement = LATE  # not due
+    distractors.refinement, step = LATE, NominalStep(LATE)  # not due
     for _ in range(2):
-        densifier.after_step(distractors, LATE, info, lambda params: params["means"][:, 0])
+        densifier.after_step(distractors, step, info, lambda params: params["means"][:, 0])
     running = distractors.state
     assert_on_cuda(running["grad2d"], running["count"])
     assert (running["radii"] is None) == (start == "residual")

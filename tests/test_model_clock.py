@@ -6,11 +6,10 @@ import pytest
 import torch
 from nerfstudio.engine.optimizers import Optimizers
 
-from desplat_ns.gaussians import distractor_config
 from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.losses import RESPONSE_OBSERVATIONS
 from desplat_ns.photo_tourism.camera_response import PRIOR_STD
-from desplat_ns.training.schedule import Schedule
+from desplat_ns.training.schedule import NominalStep, RunStep, Schedule
 from tests.helpers.small_model import Trainer, camera, make_model, model_with
 
 
@@ -19,12 +18,11 @@ class At(Schedule):
 
     now = 0.0
 
-    def nominal(self, step: int) -> int:
-        return round(self.now / self.scale)
+    def nominal(self, step: RunStep) -> NominalStep:
+        return NominalStep(round(self.now / self.scale))
 
 
-def test_thresholds_of_both_sets_are_read_at_the_clock(monkeypatch):
-    monkeypatch.setattr(distractor_config, "MAX_WARMUP_VISITS", 1000)
+def test_thresholds_of_both_sets_are_read_at_the_clock():
     settings = DistractorConfig(per_view=20, static_warmup=100)
     model = make_model(sh_degree_interval=50, distractors=settings)
     model.schedule = clock = At(0.5)
@@ -36,7 +34,7 @@ def test_thresholds_of_both_sets_are_read_at_the_clock(monkeypatch):
         model.train()
         model(camera(0))
         assert model.train_step is not None
-        assert model.train_step.number == round(2 * clock.now)
+        assert model.train_step.nominal == round(2 * clock.now)
         assert (model.train_step.distractors is not None) == (clock.now > 50)
         assert model.active_sh_degree == (2 if clock.now > 50 else 1)
 

@@ -13,7 +13,7 @@ from desplat_ns.gaussians.strategy import UNLIMITED
 from desplat_ns.model_config import DeSplatModelConfig
 from tests.helpers.small_model import HEIGHT, WIDTH, camera, make_model
 
-SEPARATING = DistractorConfig(static_warmup=6000, refine_visits=5, start="residual")
+SEPARATING = DistractorConfig(static_warmup=None, refine_visits=5, start="residual")
 
 
 def run_of(steps: int, views: int, **options: Any) -> DeSplatModelConfig:

@@ -6,7 +6,6 @@ import pytest
 import torch
 
 from desplat_ns.backend.ssim import ssim
-from desplat_ns.gaussians import distractor_config
 from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.model import DeSplatModel
 from desplat_ns.rendering.views import image_points, view_of
@@ -15,12 +14,6 @@ from desplat_ns.settings.effects import EffectsConfig
 from tests.helpers.small_model import HEIGHT, WIDTH, Trainer, camera, distractors_of, make_model
 
 NO_DENSIFICATION: dict[str, Any] = {"warmup_length": 10_000}
-
-
-@pytest.fixture(autouse=True)
-def long_warmups(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A warm-up of up to 60 steps stays as long as it is: 20 visits of three views."""
-    monkeypatch.setattr(distractor_config, "MAX_WARMUP_VISITS", 20)
 
 
 def config(**changes: Any) -> DistractorConfig:

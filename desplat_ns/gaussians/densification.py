@@ -24,7 +24,7 @@ from desplat_ns.gaussians.distractor_config import (
 )
 from desplat_ns.gaussians.distractors import ViewDistractors
 from desplat_ns.gaussians.strategy import UNLIMITED, prune, refine, sample
-from desplat_ns.training.schedule import SPLATFACTOS_INTERVAL
+from desplat_ns.training.schedule import SPLATFACTOS_INTERVAL, NominalStep
 
 GROW_GRAD = 6.0
 """By pixels, distractors are cloned or split where a shift by one pixel changes the loss, summed
@@ -63,7 +63,7 @@ class DistractorDensifier:
         """`config` has the warm-up of this run, `static` the thresholds that both sets share and
         the warm-up before any refinement; `every`: nominal steps between two refinements."""
         self.every = every
-        self.start = max(static.warmup_length, config.static_warmup)
+        self.start = max(static.warmup_length, config.warmup)
         self.by_pixels = config.start == "residual"
         grow = {"absgrad": static.use_absgrad, "grow_scale3d": static.densify_size_thresh}
         if self.by_pixels:
@@ -80,14 +80,10 @@ class DistractorDensifier:
                 **grow,
             )
 
-    def before_backward(self, rendering: Rendering) -> None:
-        """Keep the gradient of the projected means, which refinement reads."""
-        rendering.means2d.retain_grad()
-
     def after_step(
         self,
         view: ViewDistractors,
-        step: int,
+        step: NominalStep,
         info: dict[str, Any],
         weights_of: Callable[[RawParameters], Float[Tensor, " N"]],
     ) -> None:
@@ -98,7 +94,7 @@ class DistractorDensifier:
         height, and the loss is a mean over width times height.
 
         Args:
-            step: nominal; nothing happens before the warm-up, and nothing but pruning from
+            step: nothing happens before the warm-up, and nothing but pruning from
                 `STOP_DENSIFY_AT` on.
             info: of the rendering of this view's distractors in this step.
             weights_of: gives what each makes up of the image, in pixels; called only where it

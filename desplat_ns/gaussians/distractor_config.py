@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from desplat_ns.settings.options import ranged
+from desplat_ns.training.schedule import NominalStep
 
 DEPTH = 0.02
 """Distance from the camera at the start, world units, whatever the scene's scale: distractors are
@@ -30,10 +31,13 @@ MEANS_RATE, FINAL_MEANS_RATE, MEANS_RATE_STEPS = 1.6e-4, 1.6e-6, 30_000
 """That of their positions, world units, falls along a straight line of its logarithm in so many
 steps. Splatfacto's."""
 
+MAX_WARMUP = 6_000
+"""A warm-up by rule ends at this step at the latest: at a fifth of a run of 30,000."""
+
 MAX_WARMUP_VISITS = 15
-"""A warm-up ends after so many visits of each view at the latest: seen often enough, what stands in
-one photo alone is learned as well, and its residual is gone. It ends sooner by `SHAPING_STEPS`; if
-not, the scene's learning rates are higher by as much as it is shorter."""
+"""A warm-up by rule ends after so many visits of each view at the latest: seen often enough, what
+stands in one photo alone is learned as well, and its residual is gone. It ends sooner by
+`SHAPING_STEPS`; if not, the scene's learning rates are higher by as much as it is shorter."""
 
 SHAPING_STEPS, MIN_WARMUP_VISITS = 250, 8
 """Steps of the run in which a scene takes shape, once it may be refined (`warmup_length`): the
@@ -58,7 +62,7 @@ class DistractorConfig:
     """With start residual: evidence that a place has to show to belong to something in the way, in
     colours in [0, 1]: its residual beyond the expected one, limited by what other photos leave
     unexplained."""
-    strong_excess: float = 0.15
+    strong_excess: float = ranged(0.15, "(0, inf)")
     """With start residual: evidence that something in the way has to show in one place at least,
     once the scene is learned; before, more."""
     static_alone: bool = False
@@ -69,15 +73,17 @@ class DistractorConfig:
     own, as long as the static set grows. Where most photos leave a place out nothing else moves it,
     and Adam learns it at full speed: what most photos of a place show is not in the way. Where an
     occluder hides what others show, they outvote it. The paper has one loss for both."""
-    lambda_d: float = 0.01
+    lambda_d: float = ranged(0.01, "[0, inf)")
     """Weight of the mean distractor opacity, Eq. 5. B.3."""
-    lambda_s: float = 0.01
+    lambda_s: float = ranged(0.01, "[0, inf)")
     """Weight of the mean transparency of the static scene, Eq. 5. B.3. If there is a background,
     before which the scene may be empty, it counts as 0 (B.3, Photo Tourism). With static_alone and
     a background that all photos share, it counts in what distractors own, where no photo says that
     the scene is empty."""
-    static_warmup: int = 0
-    """Steps for which the static scene trains alone, without distractors. The paper has none."""
+    static_warmup: int | None = ranged(0, f"[0, {STOP_DENSIFY_AT}]")
+    """Steps for which the static scene trains alone, without distractors; by default as many as the
+    number of photos asks for (`warmup_of`). In the other half of a run distractors are pruned only,
+    so a warm-up ends before it. The paper has none."""
     refine_visits: int = ranged(10, "[1, inf)")
     """Visits of each view from one refinement of its distractors (cloning, splitting, pruning) to
     the next. The authors' code has 10."""
@@ -88,20 +94,28 @@ class DistractorConfig:
         """Length of the warm-up in a run, and what it would be if `MAX_WARMUP_VISITS` did not end
         it; both in nominal steps, of which a step of the run makes 1 / `scale`.
 
-        It has at most `SHAPING_STEPS` after the static set's `unrefined` first steps, or
-        `MIN_WARMUP_VISITS` visits of each view if that is longer.
+        Where `static_warmup` does not say it, it has at most `SHAPING_STEPS` after the static set's
+        `unrefined` first steps, or `MIN_WARMUP_VISITS` visits of each view if that is longer.
         """
+        if self.static_warmup is not None:
+            return self.static_warmup, self.static_warmup
         shaped = unrefined + SHAPING_STEPS / scale
         longer = max(shaped, MIN_WARMUP_VISITS * num_views / scale)
-        wanted = min(self.static_warmup, round(longer))
+        wanted = min(MAX_WARMUP, round(longer))
         return min(wanted, round(MAX_WARMUP_VISITS * num_views / scale)), wanted
+
+    @property
+    def warmup(self) -> NominalStep:
+        """Length of the warm-up, of what `DeSplatModelConfig.for_run` gave."""
+        assert self.static_warmup is not None
+        return NominalStep(self.static_warmup)
 
     def steps_between_refinements(self, num_views: int, scale: float = 1.0) -> int:
         """Nominal steps, of which a step of the run makes 1 / `scale`, from one refinement to the
         next. Call it on what `DeSplatModelConfig.for_run` gave."""
         every = self.refine_visits * num_views / scale
         if self.start == "residual":
-            every = max(every, (STOP_DENSIFY_AT - self.static_warmup) / MOST_REFINEMENTS)
+            every = max(every, (STOP_DENSIFY_AT - self.warmup) / MOST_REFINEMENTS)
         return max(1, round(every))
 
 

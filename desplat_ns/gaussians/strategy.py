@@ -19,6 +19,7 @@ from torch import Tensor, nn
 from torch.optim import Optimizer
 
 from desplat_ns.gaussians.activation import RawParameters
+from desplat_ns.training.schedule import NominalStep
 
 UNLIMITED = 2**62
 """A step that no training reaches, and a number of Gaussians that no set has."""
@@ -120,7 +121,7 @@ class StaticStrategy(DefaultStrategy):
         params: nn.ParameterDict,  # pyright: ignore[reportIncompatibleMethodOverride]
         optimizers: dict[str, Optimizer],
         state: dict[str, Any],
-        step: int,
+        step: NominalStep,  # pyright: ignore[reportIncompatibleMethodOverride]
         info: dict[str, Any],
         packed: bool = False,
     ) -> None:
@@ -129,7 +130,6 @@ class StaticStrategy(DefaultStrategy):
         Args:
             params: raw parameters of the set.
             optimizers: by the same names.
-            step: nominal.
             state: what is gathered; replaced rows follow.
             info: of the rendering, as gsplat's strategies read it.
         """

@@ -39,8 +39,8 @@ class BackgroundConfig:
     """Of the MLP. B.3."""
     hidden_width: int = ranged(128, "[1, 16384]")
     """Units in each hidden layer. B.3."""
-    lambda_bg: float = 0.15
+    lambda_bg: float = ranged(0.15, "[0, inf)")
     """Weight of L_bg, Eq. 12. B.3."""
-    max_error: float = 0.003
+    max_error: float = ranged(0.003, "[0, inf)")
     """T_eps of Eq. 10 (colours in [0, 1]): how well the background alone has to explain a pixel for
     Gaussians there to be unwanted. B.3."""

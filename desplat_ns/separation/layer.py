@@ -11,7 +11,6 @@ from jaxtyping import Bool, Float, UInt8
 from nerfstudio.cameras.cameras import Cameras
 from nerfstudio.models.splatfacto import SplatfactoModelConfig
 from torch import Tensor
-from torch.optim import Optimizer
 
 from desplat_ns.backend.protocol import Rendering, Splats, View
 from desplat_ns.console import announce_once
@@ -19,11 +18,11 @@ from desplat_ns.gaussians.activation import (
     RawParameters,
     activate_distractors,
     keep_colors_in_range,
+    sigmoid,
 )
 from desplat_ns.gaussians.densification import DistractorDensifier, strategy_info
 from desplat_ns.gaussians.distractor_config import DistractorConfig, rates_at
 from desplat_ns.gaussians.distractors import DistractorGaussians, ViewDistractors
-from desplat_ns.rendering.layers import layered_outputs
 from desplat_ns.separation.grid import region_pixels
 from desplat_ns.separation.placement import FEW_VIEWS, about_few_views, placement
 from desplat_ns.separation.regions import (
@@ -36,6 +35,7 @@ from desplat_ns.separation.regions import (
 from desplat_ns.separation.residuals import LEAST_VIEWS, USUAL, usual_residuals
 from desplat_ns.separation.sweep import PlaneSweep, photo_to_sweep
 from desplat_ns.settings.effects import BackgroundGrade
+from desplat_ns.training.schedule import NominalStep, RunStep
 
 STOP_PLACING_AT = 27_000
 """Nominal step from which none is placed or removed for its place any more."""
@@ -53,7 +53,8 @@ class TrainStep:
     throwing it away.
     """
 
-    number: int
+    nominal: NominalStep
+    run: RunStep
     index: int
     """Number of the training view."""
     view: View
@@ -105,7 +106,6 @@ class DistractorLayer:
         self.background = background
         every = config.steps_between_refinements(self.num_views, scale)
         self.densifier = DistractorDensifier(config, static, every)
-        self.rates_at: Callable[[int], Mapping[str, float]] = rates_at
         self.sweep = PlaneSweep(points, cameras)
         self.regions: dict[int, Bool[Tensor, "rows columns"]] = {}
         """Those of each view, as it was last looked at."""
@@ -118,38 +118,16 @@ class DistractorLayer:
         return rasterize(activate_distractors(view.params)) if len(view) > 0 else None
 
     def draw_for_training(
-        self, step: int, index: int, rasterize: Callable[[Splats], Rendering]
+        self, step: NominalStep, index: int, rasterize: Callable[[Splats], Rendering]
     ) -> Rendering | None:
-        """As `draw`, with what densification needs to be told; None in the warm-up."""
-        if step < self.config.static_warmup:
+        """As `draw`, with the gradients that densification reads; None in the warm-up."""
+        if step < self.config.warmup:
             return None
-        self.gaussians.views[index].begin_step(self.rates_at(step))
+        self.gaussians.views[index].begin_step(rates_at(step))
         rendering = self.draw(index, rasterize)
         if rendering is not None:
-            self.densifier.before_backward(rendering)
+            rendering.means2d.retain_grad()
         return rendering
-
-    def optimizers_of(self, train_step: TrainStep) -> dict[str, Optimizer]:
-        """Those of the view's distractors, by the names of their groups; none if none is drawn."""
-        if train_step.distractors is None:
-            return {}
-        optimizers = self.gaussians.views[train_step.index].optimizers
-        return {f"distractor_{name}": optimizer for name, optimizer in optimizers.items()}
-
-    def training_outputs(
-        self, train_step: TrainStep, image: Float[Tensor, "H W 3"], rgb: Float[Tensor, "H W 3"]
-    ) -> dict[str, Tensor]:
-        """The layers and the composite of a step.
-
-        With `static_alone` the composite's loss moves distractors only: what lies beneath them is a
-        constant.
-
-        Args:
-            image: of the static scene; colours may be beyond 1.
-            rgb: the same in [0, 1].
-        """
-        alone = self.config.static_alone and train_step.distractors is not None
-        return layered_outputs(image.detach() if alone else image, rgb, train_step.distractors)
 
     def look(
         self,
@@ -187,12 +165,12 @@ class DistractorLayer:
 
     def _looks(self, train_step: TrainStep) -> bool:
         """Whether the photo is compared with the static scene: in the warm-up, once after it, and
-        in every `LOOK_EVERY`th round of visits."""
+        in every `LOOK_EVERY`th round of visits. nerfstudio draws each view once in a round."""
         if self.config.start != "residual" or self.num_views <= LEAST_VIEWS:
             return False
-        is_due = train_step.number // self.num_views % LOOK_EVERY == 0
+        is_due = train_step.run // self.num_views % LOOK_EVERY == 0
         is_new = train_step.index not in self.regions
-        return is_due or is_new or train_step.number < self.config.static_warmup
+        return is_due or is_new or train_step.nominal < self.config.warmup
 
     @torch.no_grad()
     def update_regions(
@@ -214,7 +192,7 @@ class DistractorLayer:
             train_step.static_rgb.detach(),
             train_step.static.means2d.detach()[0],
             train_step.static.visible,
-            torch.sigmoid(opacities.detach()[:, 0]),
+            sigmoid(opacities.detach()[:, 0]),
         )
         usual = usual_residuals(state, len(opacities), photo.device)
         judged = counted
@@ -222,7 +200,7 @@ class DistractorLayer:
             scene = ~own_sky(photo, train_step.static.alpha)
             judged = scene if counted is None else scene & counted
         comparison, train_step.usual = compare(photo, static, usual, judged)
-        if train_step.number < self.config.static_warmup:
+        if train_step.nominal < self.config.warmup:
             return
         comparison = replace(comparison, counted=counted)  # skies within a thing's outline are it
         train_step.regions = find_regions(
@@ -252,7 +230,7 @@ class DistractorLayer:
         if train_step.sweep_photo is not None:
             self.sweep.keep(index, train_step.sweep_photo)
         refine_static()
-        distractors, step = self.gaussians.views[index], train_step.number
+        distractors, step = self.gaussians.views[index], train_step.nominal
         if train_step.distractors is not None:
             keep_colors_in_range(distractors.params)
             info = strategy_info(train_step.distractors, view)

@@ -165,8 +165,8 @@ def find_regions(
     region.
 
     A region is made of connected cells with an evidence (`evidence_of`) above `weak_excess`, one of
-    them with more than clip(`PEAK_LEVELS` * level, `strong_excess`, `MAX_PEAK`). Cells of which
-    nobody knows may belong to a region, and make none.
+    them with more than `PEAK_LEVELS` * level, `MAX_PEAK` at most, and more than `strong_excess`.
+    Cells of which nobody knows may belong to a region, and make none.
 
     Args:
         unexplained: gives that of the photo, by `PlaneSweep.unexplained`, on any grid; None where
@@ -176,7 +176,8 @@ def find_regions(
     excess, counted = comparison.excess, comparison.counted
     rows, columns = excess.values.shape
     grid = columns, rows
-    needed = (PEAK_LEVELS * excess.level).clamp(config.strong_excess, MAX_PEAK)
+    strong_excess = config.strong_excess
+    needed = (PEAK_LEVELS * excess.level).clamp(strong_excess, max(strong_excess, MAX_PEAK))
     strong = excess.values > needed
     if strong.is_cpu and not strong.numpy().any():  # as in most photos, which then cost no more
         return strong

@@ -123,7 +123,7 @@ def excess_residual(
     """
     level = _level(residual, counted)
     relative = F.pad((residual / level).log().flatten(), (0, 1))
-    inside, cell = _cells_of(means2d, visible, residual.shape, counted)
+    inside, cell = cells_of(means2d, visible, residual.shape, counted)
     expected, votes = _mean_by_cell(usual, opacities, cell, residual.shape)
     off = torch.sign(relative.index_select(0, cell) - usual)
     usual = usual + MEDIAN_STEP * off * inside
@@ -144,7 +144,7 @@ def _level(
     return torch.where(counted.any(), ordered[place], MIN_RESIDUAL)
 
 
-def _cells_of(
+def cells_of(
     means2d: Tensor, visible: Tensor, shape: torch.Size, counted: Tensor | None
 ) -> tuple[Bool[Tensor, " N"], Int[Tensor, " N"]]:
     """Which Gaussians have their centre in the image and not in a masked cell, and their cells as

@@ -6,7 +6,7 @@ from __future__ import annotations
 from math import exp, sqrt
 from typing import Any
 
-from desplat_ns.training.schedule import Schedule
+from desplat_ns.training.schedule import RunStep, Schedule
 
 TIMED_FROM = 100
 """Steps of a run from which on trial steps are worth their time."""
@@ -54,10 +54,10 @@ class Clock:
         """A step's, by the prices, with as many Gaussians as are expected then."""
         model, (start, begun), (now, done) = self.pipeline.model, self.start, self._grown()
         config, schedule = model.config, model.schedule
-        warmup = config.distractors.static_warmup
+        warmup = config.distractors.warmup
         if schedule.plan is not None:  # its clock knows of no step but the one at hand
             schedule = Schedule(schedule.scale)
-        at = schedule.nominal(step)
+        at = schedule.nominal(RunStep(step))
         drawn = self.pipeline.datamanager.get_train_rays_per_batch()
         ahead, added = (
             max(0.0, min(1.0, at / config.stop_split_at) - done),
@@ -66,7 +66,8 @@ class Clock:
         count = now + ahead * (now - start + SHARE * added) / (done - begun + SHARE)
         drawn /= config.downscale_factor(at, drawn) ** 2
         if model.layer is not None and at >= warmup:
-            drawn += LAYER * drawn + LOOK * (schedule.nominal(step - model.num_train_data) < warmup)
+            a_round_ago = schedule.nominal(RunStep(step - model.num_train_data))
+            drawn += LAYER * drawn + LOOK * (a_round_ago < warmup)
         drawn += GAUSSIAN * (min(model.strategy.most, count) - start)
         return self.fixed + self.pixel * drawn
 

@@ -14,7 +14,7 @@ from torch import nn
 from torch.optim import Optimizer
 from torch.optim.lr_scheduler import LambdaLR
 
-from desplat_ns.training.schedule import Schedule
+from desplat_ns.training.schedule import RunStep, Schedule
 
 SHORT_RUN_GROUPS = ("means", "scales", "quats", "features_dc", "features_rest")
 """Groups whose rates are raised in short runs: the static set's. The rate of its opacities suits
@@ -63,7 +63,7 @@ def follow(optimizers: Optimizers, schedule: Schedule, early: Callable[[int], fl
     """
 
     def read_at(curve: Any, factor: Callable[[int], float]) -> Callable[[int], float]:
-        return lambda step: float(curve(schedule.nominal(step))) * factor(step)
+        return lambda step: float(curve(schedule.nominal(RunStep(step)))) * factor(step)
 
     schedulers = optimizers.schedulers
     for name in set(SHORT_RUN_GROUPS) & optimizers.optimizers.keys() - schedulers.keys():

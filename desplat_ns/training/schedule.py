@@ -2,7 +2,8 @@
 
 Schedules (learning rates, photo sizes, refinements, resets) are functions of the nominal step, a
 step of a run of the method's own length. A shorter run goes through the same nominal steps in fewer
-steps of its own; their ratio is the scale, in (0, 1].
+steps of its own; their ratio is the scale, in (0, 1]. The two
+kinds of steps have types, so that they are not mixed up.
 """
 
 from __future__ import annotations
@@ -12,9 +13,13 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, NewType
 
 from desplat_ns.errors import ConfigError
+
+NominalStep = NewType("NominalStep", int)
+RunStep = NewType("RunStep", int)
+"""A step as training counts them: each draws one view, so V of them are a round of V views."""
 
 SPLATFACTOS_INTERVAL = 100
 """Steps. Splatfacto's interval between two refinements, in which it also counts its resets."""
@@ -91,13 +96,13 @@ class Schedule:
         self.scale, self.plan = scale, plan
         self._begun, self._reached, self._pace = 0, 0, scale
 
-    def nominal(self, step: int) -> int:
+    def nominal(self, step: RunStep) -> NominalStep:
         """The nominal step that belongs to a step of the run."""
         if self.plan is not None:
-            return round(self.plan.reached / self.scale)
-        return round(self._reached + (step - self._begun) / self._pace)
+            return NominalStep(round(self.plan.reached / self.scale))
+        return NominalStep(round(self._reached + (step - self._begun) / self._pace))
 
-    def go_on(self, step: int, reached: int, total: int) -> bool:
+    def go_on(self, step: RunStep, reached: int, total: int) -> bool:
         """Let a run that was planned for more steps reach its end in `total` steps, from the
         nominal step that it has reached at `step`: else refinements that were to come are passed
         over. Returns whether that changes anything; a run planned for fewer steps goes back."""

@@ -11,7 +11,7 @@ from nerfstudio.engine.optimizers import Optimizers
 
 from desplat_ns.backend.registry import BackendName
 from desplat_ns.gaussians.distractor_config import DistractorConfig
-from desplat_ns.gaussians.distractors import PARAMETER_NAMES, ViewDistractors, fill_view
+from desplat_ns.gaussians.distractors import ViewDistractors, fill_view
 from desplat_ns.model import DeSplatModel
 from desplat_ns.model_config import DeSplatModelConfig
 from desplat_ns.settings.effects import Effects, EffectsConfig
@@ -64,8 +64,6 @@ class ModelStep:
             spread = replace(config.distractors, start="everywhere", per_view=distractors_per_view)
             for index in range(num_views):
                 self.model.distractors.views[index] = ViewDistractors(fill_view(view, spread))
-        if self.model.layer is not None:
-            self.model.layer.rates_at = lambda _: dict.fromkeys(PARAMETER_NAMES, 0.0)
         self.model.train()
         self.model.step = LATE
         self.camera = cameras[:1]
@@ -83,4 +81,5 @@ class ModelStep:
         torch.stack(list(losses.values())).sum().backward()
         self.optimizers.optimizer_step_all()
         for optimizer in self.model.view_optimizers().values():
+            optimizer.param_groups[0]["lr"] = 0.0
             optimizer.step()

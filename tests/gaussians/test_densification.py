@@ -12,6 +12,7 @@ from desplat_ns.backend.protocol import Rendering, View
 from desplat_ns.gaussians.densification import GROW_GRAD, DistractorDensifier, strategy_info
 from desplat_ns.gaussians.distractor_config import DEPTH, DistractorConfig
 from desplat_ns.gaussians.distractors import DistractorGaussians
+from desplat_ns.training.schedule import NominalStep
 
 VIEW = View(torch.eye(4), torch.eye(3), width=200, height=100)
 STATIC = SplatfactoModelConfig(warmup_length=10, densify_grad_thresh=0.5)
@@ -69,7 +70,9 @@ class Scene:
         image = torch.zeros(height, width, 3)
         rendering = Rendering(image, image[..., :1], None, means2d, self.radii[:n])
         info = strategy_info(rendering, self.view)
-        self.densifier.after_step(group, step, info, lambda held: self.pixels[: len(held["means"])])
+        self.densifier.after_step(
+            group, NominalStep(step), info, lambda held: self.pixels[: len(held["means"])]
+        )
 
     def moment(self, name: str, view: int = 0) -> torch.Tensor:
         group = self.distractors.views[view]

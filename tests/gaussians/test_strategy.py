@@ -10,6 +10,7 @@ from torch import nn
 from desplat_ns.backend.protocol import Rendering, View
 from desplat_ns.gaussians.densification import strategy_info
 from desplat_ns.gaussians.strategy import UNLIMITED, StaticStrategy, sample
+from desplat_ns.training.schedule import NominalStep
 
 VIEW = View(torch.eye(4), torch.eye(3), width=20, height=10)
 
@@ -44,7 +45,9 @@ class Scene:
         black = torch.zeros(10, 20, 3)
         rendering = Rendering(black, black[..., :1], None, means2d, torch.ones(n).int())
         info = strategy_info(rendering, VIEW)
-        self.strategy.step_post_backward(self.params, self.optimizers, self.state, step, info)
+        self.strategy.step_post_backward(
+            self.params, self.optimizers, self.state, NominalStep(step), info
+        )
         return len(self.params["means"])
 
 

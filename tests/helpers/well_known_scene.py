@@ -14,6 +14,7 @@ from desplat_ns.rendering.views import view_of
 from desplat_ns.separation.layer import TrainStep
 from desplat_ns.separation.regions import StaticView, apply_mask, compare, find_regions
 from desplat_ns.separation.residuals import USUAL, usual_residuals
+from desplat_ns.training.schedule import NominalStep, RunStep
 
 WIDTH, HEIGHT = 60, 40
 
@@ -50,10 +51,10 @@ class WellKnownScene:
     def rendered(self) -> torch.Tensor:
         return self.photo + self.noise * torch.randn(self.photo.shape, generator=self.generator)
 
-    def train_step(self, number: int, photo: torch.Tensor) -> TrainStep:
-        step = TrainStep(number, 0, the_view(), self.drawn)
-        step.photo, step.static_rgb = photo, self.rendered()
-        return step
+    def train_step(self, step: int, photo: torch.Tensor) -> TrainStep:
+        drawn = TrainStep(NominalStep(step), RunStep(step), 0, the_view(), self.drawn)
+        drawn.photo, drawn.static_rgb = photo, self.rendered()
+        return drawn
 
     def find(
         self,

@@ -32,6 +32,17 @@ def test_an_occluder_of_one_view_is_found_on_a_scene_seen_often():
     assert (region & true).sum() / (region | true).sum() > 0.7
 
 
+def test_a_strong_excess_above_the_most_of_a_rough_scene_acts():
+    found = []
+    for strong in (0.4, 0.6):
+        scene = seen_often()
+        photo = scene.photo.clone()
+        photo[10:30, 20:40] += 0.55
+        config = dataclasses.replace(CONFIG, strong_excess=strong)
+        found.append(int(scene.find(photo, config).sum()))
+    assert found[0] > 100 and found[1] == 0
+
+
 def test_what_a_masked_pixel_holds_changes_no_bit():
     """Neither of the regions nor of what is remembered."""
     results = []

@@ -3,17 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 import torch
+from nerfstudio.data.datamanagers.full_images_datamanager import (
+    FullImageDatamanager,
+    FullImageDatamanagerConfig,
+)
 
 from desplat_ns.backend.protocol import Rendering, View
 from desplat_ns.gaussians.distractor_config import DistractorConfig
+from desplat_ns.gaussians.distractors import DistractorGaussians
 from desplat_ns.model import DeSplatModel
-from desplat_ns.separation import layer
-from desplat_ns.separation.regions import Comparison
+from desplat_ns.model_config import DeSplatModelConfig
+from desplat_ns.separation import layer, regions
+from desplat_ns.separation.layer import DistractorLayer, TrainStep
+from desplat_ns.separation.regions import Comparison, StaticView
+from desplat_ns.training.schedule import NominalStep, RunStep, Schedule
 from tests.helpers.small_model import NUM_VIEWS, Trainer, make_model
+from tests.helpers.well_known_scene import WellKnownScene, cameras, nothing_drawn, the_view
 
 
 def a_model(**changes: Any) -> DeSplatModel:
@@ -43,6 +54,36 @@ def test_photos_are_looked_at_after_the_warm_up_and_then_in_every_third_round(mo
     assert looks(monkeypatch, model, range(21)) == [2, 3, 4, 9, 10, 11, 18, 19, 20]
 
 
+@pytest.mark.parametrize("steps", [300, 3_000, 30_000])
+def test_after_the_warm_up_a_photo_is_looked_at_at_once_and_then_in_every_third_visit(steps):
+    """40 photos in the order of nerfstudio; the run goes on from a checkpoint in the middle."""
+    schedule = Schedule(steps / 30_000)
+    run = DeSplatModelConfig(
+        schedule_scale=schedule.scale,
+        distractors=DistractorConfig(start="residual", static_warmup=None),
+    ).for_run(40)
+    cams = cameras()[torch.zeros(40, dtype=torch.long)]
+    gaussians = DistractorGaussians(run.distractors, cams)
+    manager: Any = SimpleNamespace(train_dataset=range(40), config=FullImageDatamanagerConfig())
+    at_hand, unseen, visits = None, [], {index: [] for index in range(40)}
+    for step in map(RunStep, range(steps)):
+        if at_hand is None or step == steps // 2:
+            kept = {} if at_hand is None else at_hand.regions
+            at_hand = DistractorLayer(gaussians, run.distractors, run, cams, None)
+            at_hand.regions = kept
+        unseen = unseen or FullImageDatamanager.sample_train_cameras(manager)
+        index, nominal = unseen.pop(0), schedule.nominal(step)
+        looks = at_hand._looks(TrainStep(nominal, step, index, the_view(), nothing_drawn()))
+        if nominal >= run.distractors.warmup:
+            visits[index].append(looks)
+            at_hand.regions[index] = torch.ones(1, 1, dtype=torch.bool)
+        assert looks or nominal >= run.distractors.warmup
+    for looked in visits.values():
+        first, *gaps = torch.tensor(looked).nonzero()[:, 0].diff(prepend=torch.tensor([0])).tolist()
+        assert first == 0 and len(gaps) >= len(looked) // 3 - 1
+        assert all(1 <= gap <= 3 for gap in gaps[:1]) and all(gap == 3 for gap in gaps[1:])
+
+
 def test_regions_stay_until_the_next_look_and_in_a_checkpoint(monkeypatch):
     model = a_model()
     looks(monkeypatch, model, range(9), found_at=4)
@@ -51,7 +92,7 @@ def test_regions_stay_until_the_next_look_and_in_a_checkpoint(monkeypatch):
     assert model.layer is not None and fresh.layer is not None
     assert list(fresh.layer.sweep.state()) == list(model.layer.sweep.state()) == [0, 1, 2]
     for layer_at_hand in (model.layer, fresh.layer):
-        found = {index: regions.all() for index, regions in layer_at_hand.regions.items()}
+        found = {index: each.all() for index, each in layer_at_hand.regions.items()}
         assert found == {2: False, 0: False, 1: True}
 
 
@@ -67,12 +108,37 @@ def test_what_the_sweep_keeps_does_not_depend_on_the_static_scene():
         static = torch.full((20, 24, 3), value)
         radii = torch.ones(30, dtype=torch.int32)
         drawn = Rendering(static, static[..., :1], None, torch.rand(1, 30, 2), radii)
-        step = layer.TrainStep(0, 1, view, drawn)
+        step = layer.TrainStep(NominalStep(0), RunStep(0), 1, view, drawn)
         model.layer.look(step, photo, static, mask, torch.zeros(30, 1), {})
         kept.append(step.sweep_photo)
     assert torch.equal(*kept)
     assert (kept[0][5:9, :, 3] == 0).all()
     model.layer.sweep.keep(1, kept[0])
-    step = layer.TrainStep(1, 1, view, drawn)
+    step = layer.TrainStep(NominalStep(1), RunStep(1), 1, view, drawn)
     model.layer.look(step, photo, static, mask, torch.zeros(30, 1), {})
     assert step.sweep_photo is None
+
+
+def test_what_gaussians_count_for_has_the_same_bits_on_any_number_of_threads(monkeypatch):
+    """From 32,768 Gaussians on torch splits them."""
+    scene, seen, before = WellKnownScene(), [], torch.get_num_threads()
+    logits = 3 * torch.randn(65_537, 1, generator=torch.Generator().manual_seed(0))
+    places, radii = 30 * torch.rand(1, len(logits), 2), torch.ones(len(logits)).int()
+    config = DistractorConfig(start="residual", static_warmup=5)
+    gaussians = DistractorGaussians(config, cameras())
+    at_hand = DistractorLayer(gaussians, config, DeSplatModelConfig(), cameras(), None)
+
+    def compare(photo: torch.Tensor, static: StaticView, *rest: Any) -> Any:
+        seen.append(static.opacities)
+        return regions.compare(photo, static, *rest)
+
+    monkeypatch.setattr(layer, "compare", compare)
+    try:
+        for threads in (1, 2):
+            torch.set_num_threads(threads)
+            step = scene.train_step(0, scene.photo)
+            step.static = replace(scene.drawn, means2d=places, radii=radii)
+            at_hand.update_regions(step, logits, {}, None)
+    finally:
+        torch.set_num_threads(before)
+    assert torch.equal(*seen)

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from desplat_ns.training.clock import ADDED, GAUSSIAN, LAYER, LOOK, Clock
-from desplat_ns.training.schedule import Schedule
+from desplat_ns.training.schedule import RunStep, Schedule
 
 SIZE, VIEWS, STEPS, START, WARMUP = 100_000, 40, 1_000, 5_000, 6_000
 FIXED, PIXEL = 0.02, 1e-6
@@ -18,7 +18,7 @@ FIXED, PIXEL = 0.02, 1e-6
 def a_run(downscale: Callable[..., float] = lambda *_: 1, layer: Any = None, most=10**9) -> Any:
     """What a clock asks of a pipeline: a run of `STEPS` steps that has done none."""
     config = SimpleNamespace(downscale_factor=downscale, stop_split_at=15_000)
-    config.distractors = SimpleNamespace(static_warmup=WARMUP)
+    config.distractors = SimpleNamespace(warmup=WARMUP)
     model = SimpleNamespace(config=config, schedule=Schedule(STEPS / 30_000), layer=layer)
     model.nominal_step, model.num_train_data = 0, VIEWS
     model.strategy = SimpleNamespace(most=most)
@@ -59,8 +59,8 @@ def test_what_is_told_is_within_a_quarter_of_the_truth_once_growth_shows(added, 
     run = a_run(halves, object())
     clock, told, seconds = Clock(run, FIXED, PIXEL), dict[int, float](), list[float]()
     for step in range(STEPS):
-        done = min(1.0, run.model.schedule.nominal(step) / 15_000)
-        run.model.nominal_step = run.model.schedule.nominal(step)
+        done = min(1.0, run.model.schedule.nominal(RunStep(step)) / 15_000)
+        run.model.nominal_step = run.model.schedule.nominal(RunStep(step))
         run.model.gauss_params["means"] = range(round(START + done * added))
         drawn = SIZE / halves(run.model.nominal_step, SIZE) ** 2
         if run.model.nominal_step >= WARMUP:

@@ -17,6 +17,7 @@ from desplat_ns.training.schedule import (
     MOST_RATE_FACTOR,
     STEPS_WANTED,
     BudgetPlan,
+    RunStep,
     Schedule,
     early_rate_factor,
     plan_budget,
@@ -37,20 +38,25 @@ def test_visits_make_steps_up_to_the_methods_own_number():
 
 def test_a_run_that_is_cut_short_does_what_is_ahead_in_the_steps_that_are_left():
     """Stopped at 372 of 3,000 steps and gone on with to 600, of 30,000 nominal ones."""
-    assert Schedule(0.1).nominal(372) == 3_720 and Schedule(0.02).nominal(372) == 18_600
+    assert (
+        Schedule(0.1).nominal(RunStep(372)) == 3_720
+        and Schedule(0.02).nominal(RunStep(372)) == 18_600
+    )
     schedule = Schedule(0.02)
-    assert schedule.go_on(372, 3_720, 600)
-    assert [schedule.nominal(step) for step in (372, 486, 600)] == [3_720, 16_860, 30_000]
+    assert schedule.go_on(RunStep(372), 3_720, 600)
+    assert [schedule.nominal(RunStep(step)) for step in (372, 486, 600)] == [3_720, 16_860, 30_000]
     again = Schedule(0.02)
-    assert again.go_on(486, schedule.nominal(486), 600)
-    assert all(again.nominal(step) == schedule.nominal(step) for step in range(486, 600))
+    assert again.go_on(RunStep(486), schedule.nominal(RunStep(486)), 600)
+    assert all(
+        again.nominal(RunStep(step)) == schedule.nominal(RunStep(step)) for step in range(486, 600)
+    )
 
 
 @pytest.mark.parametrize(("step", "reached", "total"), [(300, 15_000, 600), (600, 30_000, 3_000)])
 def test_the_same_total_or_a_larger_one_changes_no_schedule(step: int, reached: int, total: int):
     schedule = Schedule(total / 30_000)
-    assert not schedule.go_on(step, reached, total)
-    assert schedule.nominal(step) == round(step / schedule.scale)
+    assert not schedule.go_on(RunStep(step), reached, total)
+    assert schedule.nominal(RunStep(step)) == round(step / schedule.scale)
 
 
 def test_a_longer_run_never_has_higher_rates():
@@ -166,7 +172,7 @@ def test_a_first_step_that_reads_the_photos_is_taken_for_no_pace():
     for first, spent, reached in ((0, 0.0, 0.0), (1000, 60.0, 900.0)):
         machine = Machine(10.0, lambda step, _, first=first: 30.0 if step == first else 0.05)
         plan = a_plan(2000, spent=spent, reached=reached)
-        assert Schedule(0.5, plan).nominal(first) == 2 * reached
+        assert Schedule(0.5, plan).nominal(RunStep(first)) == 2 * reached
         steps = machine.train(120.0, plan, first) - first
         assert steps == pytest.approx((120 - END_SECONDS - spent - 40) / 0.05, abs=2)
         assert machine.now == pytest.approx(120 - END_SECONDS, abs=0.06)
