@@ -81,9 +81,9 @@ class DistractorConfig:
     a background that all photos share, it counts in what distractors own, where no photo says that
     the scene is empty."""
     static_warmup: int | None = ranged(0, f"[0, {STOP_DENSIFY_AT}]")
-    """Steps for which the static scene trains alone, without distractors; by default as many as the
-    number of photos asks for (`warmup_of`). In the other half of a run distractors are pruned only,
-    so a warm-up ends before it. The paper has none."""
+    """Steps for which the static scene trains alone, without distractors; None for as many as the
+    number of photos asks for (`warmup_of`). At most half of a run of 30,000: after that distractors
+    are only pruned. The paper has none."""
     refine_visits: int = ranged(10, "[1, inf)")
     """Visits of each view from one refinement of its distractors (cloning, splitting, pruning) to
     the next. The authors' code has 10."""
