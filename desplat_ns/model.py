@@ -247,7 +247,8 @@ class DeSplatModel(SplatfactoModel):
         add; training adds them up. Outside of training, those of the static scene."""
         config, layer, sky = self.config, self.layer, self.effects.background
         step = self.train_step if self.training else None
-        if step is not None and (sky != "off" or batch["image"].shape[2] == 4):
+        looks = step is not None and layer is not None and layer.looks(step)
+        if step is not None and (looks or sky != "off" or batch["image"].shape[2] == 4):
             light = self.embedding_of(step.index)
             behind = self._photographed(outputs["background"], step.view, light)
             outputs = {**outputs, "background": behind}
@@ -264,7 +265,8 @@ class DeSplatModel(SplatfactoModel):
         owned = in_region = None
         if layer is not None:
             static, opacities = outputs["rgb_static"], self.gauss_params["opacities"]
-            photo, in_region = layer.look(step, photo, static, mask, opacities, self.strategy_state)
+            behind, state = outputs["background"], self.strategy_state
+            photo, in_region = layer.look(step, photo, static, behind, mask, opacities, state)
             if step.distractors is not None and layer.config.static_alone:
                 owned = distractor_weight(alpha_d, in_region)
         if owned is None:

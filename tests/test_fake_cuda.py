@@ -119,7 +119,7 @@ def test_looking_for_regions_and_what_follows_from_them_stays_on_the_gpu(number,
     for _ in range(2):
         step = a_step(number)
         photo, static, alpha_d = step.photo, step.static_rgb, cuda(HEIGHT, WIDTH, 1)
-        photo, in_region = layer.look(step, photo, static, mask, cuda(N, 1), state)
+        photo, in_region = layer.look(step, photo, static, photo, mask, cuda(N, 1), state)
         owned = distractor_weight(alpha_d, in_region)
         losses = photometric_losses(photo, owned, 0.2, static, static, leak=0.03)
         losses += (distractor_opacity_loss(alpha_d, in_region),)

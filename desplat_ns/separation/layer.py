@@ -134,6 +134,7 @@ class DistractorLayer:
         train_step: TrainStep,
         photo: Float[Tensor, "H W 3"],
         static: Float[Tensor, "H W 3"],
+        behind: Float[Tensor, "*background 3"] | None,
         mask: Bool[Tensor, "H W 1"] | None,
         opacities: Float[Tensor, "N 1"],
         state: Mapping[str, Any],
@@ -142,6 +143,7 @@ class DistractorLayer:
 
         Args:
             static: in the photo's light, in [0, 1].
+            behind: the background, in the photo's light.
             mask: the user's, False in pixels that do not count; None if there is none.
             opacities: of the static Gaussians, logits.
             state: of their strategy; it is read only.
@@ -155,15 +157,16 @@ class DistractorLayer:
             photo, counted = apply_mask(photo, static, mask)
         train_step.photo, train_step.static_rgb = photo, static
         train_step.regions = self.regions.get(train_step.index)
-        if self._looks(train_step):
+        if self.looks(train_step):
             if train_step.index not in self.sweep.photos:
                 train_step.sweep_photo = photo_to_sweep(photo_as_it_is, mask)
-            self.update_regions(train_step, opacities, state, counted)
+            behind = behind if self.background == "off" else None  # a sky is scene
+            self.update_regions(train_step, behind, opacities, state, counted)
         if train_step.distractors is None or train_step.regions is None:
             return photo, None
         return photo, region_pixels(train_step.regions.to(photo.dtype), *photo.shape[:2])
 
-    def _looks(self, train_step: TrainStep) -> bool:
+    def looks(self, train_step: TrainStep) -> bool:
         """Whether the photo is compared with the static scene: in the warm-up, once after it, and
         in every `LOOK_EVERY`th round of visits. nerfstudio draws each view once in a round."""
         if self.config.start != "residual" or self.num_views <= LEAST_VIEWS:
@@ -176,6 +179,7 @@ class DistractorLayer:
     def update_regions(
         self,
         train_step: TrainStep,
+        behind: Float[Tensor, "*background 3"] | None,
         opacities: Float[Tensor, "N 1"],
         state: Mapping[str, Any],
         counted: Bool[Tensor, "rows columns"] | None,
@@ -183,6 +187,7 @@ class DistractorLayer:
         """Find the regions of a step, and what the Gaussians remember; in the warm-up that alone.
 
         Args:
+            behind: the background in the photo's light; None if it is scene.
             opacities: of the static Gaussians, logits.
             state: of their strategy; it is read only.
             counted: cells that the user's mask leaves in; None if it leaves out none.
@@ -190,6 +195,8 @@ class DistractorLayer:
         photo = train_step.photo
         static = StaticView(
             train_step.static_rgb.detach(),
+            train_step.static.alpha.detach(),
+            None if behind is None else behind.detach(),
             train_step.static.means2d.detach()[0],
             train_step.static.visible,
             sigmoid(opacities.detach()[:, 0]),

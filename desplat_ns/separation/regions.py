@@ -61,7 +61,7 @@ MOST_CONTRAST = 1.5
 learned from that photo is so much weaker than what stands there."""
 
 MOST_OPACITY = 0.5
-"""Of the static scene, where what is behind it is more of a cell than the scene itself."""
+"""Of the static scene: below, what is behind it is more of a cell than the scene itself."""
 
 OUTLINE_WINDOW = 13
 """Cells (an odd number) over which a region is explained by the photo's colours."""
@@ -75,7 +75,10 @@ class StaticView:
     """What a training view shows of the static scene, without gradients."""
 
     rgb: Float[Tensor, "H W 3"]
-    """In [0, 1]."""
+    """Over `behind`, in [0, 1]."""
+    alpha: Float[Tensor, "H W 1"]
+    behind: Float[Tensor, "*background 3"] | None
+    """What is no scene and shows where the scene is transparent; None if it is scene, as a sky."""
     means2d: Float[Tensor, "N 2"]
     """Projected centres of its Gaussians, pixels."""
     visible: Bool[Tensor, " N"]
@@ -127,6 +130,9 @@ def compare(
     height, width = photo.shape[:2]
     grid, fine = grid_of(width, height), fine_grid_of(width, height)
     colors_s, colors_p = pooled(static.rgb, fine), pooled(photo, fine)
+    if static.behind is not None:
+        behind = pooled(static.behind.expand_as(photo), fine)
+        colors_s = own_colors(colors_s, pooled(static.alpha, fine), behind, colors_p)
     x, y = static.means2d.unbind(-1)
     excess, usual = excess_residual(
         local_residual(colors_s, colors_p, grid),
@@ -137,6 +143,19 @@ def compare(
         counted,
     )
     return Comparison(colors_s, colors_p, excess, counted), usual
+
+
+def own_colors(
+    static: Float[Tensor, "3 r c"],
+    alpha: Float[Tensor, "1 r c"],
+    behind: Float[Tensor, "3 r c"],
+    photo: Float[Tensor, "3 r c"],
+) -> Float[Tensor, "3 r c"]:
+    """The colours of the static scene itself, whatever is behind it: what is not learned yet, or
+    recovers from a reset of opacities, differs from the photo by chance otherwise. Below an opacity
+    of `MOST_OPACITY` they are drawn to the photo's: an empty scene contradicts nothing."""
+    own = photo + (static - alpha * photo - (1 - alpha) * behind) / alpha.clamp(min=MOST_OPACITY)
+    return own.clamp(0, 1)
 
 
 def differences(

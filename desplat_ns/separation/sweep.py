@@ -70,8 +70,9 @@ SURROUNDINGS = 5
 """Cells (an odd number) across, anywhere in which a photo may show a place without disputing it,
 because the depth is not exact. Disputes are averaged over as many."""
 
-LOOKED_AT = 0.5
-"""Share of the planes at which two neighbours have to look at a cell."""
+LOOKED_AT = 0.9
+"""Share of the planes from the nearest point on at which two neighbours have to look at a cell: at
+the border of a walk they look at others than the place that it shows."""
 
 DARKEST = 8
 """Of 255: darker colours say nothing of the exposure."""
@@ -105,8 +106,8 @@ def unexplained(
     """By how much each cell of a photo differs from what two others show, at the depth where they
     come nearest to it, colours in [0, 1]; and that depth, inverse.
 
-    The difference is NaN where fewer than two others look at most of the depths: nobody knows; and
-    where the photo itself does not show all of the window. The second-best other counts, since the
+    The difference is NaN where nobody knows: where fewer than two others look at `LOOKED_AT` of the
+    depths, those before the nearest point (`NEAREST`) not counted; and where the photo itself does not show all of the window. The second-best other counts, since the
     best one may show the same thing in the way; at a depth at which one alone looks, that one.
 
     Args:
@@ -117,7 +118,7 @@ def unexplained(
     """
     rows, columns = photo.colors.shape[:2]
     least, looked = np.full((rows, columns), 255, np.uint8), np.zeros((rows, columns), int)
-    at = np.zeros((rows, columns))
+    at, counts = np.zeros((rows, columns)), inverse_depths <= NEAREST * inverse_depths.max()
     opaque = np.dstack([photo.colors[..., :3], np.full_like(least, 255)])
     pictures = [np.dstack([other.colors[..., :3], _shown(other.colors)]) for other in others]
     homographies = [_homographies(photo, other, inverse_depths) for other in others]
@@ -134,11 +135,11 @@ def unexplained(
             step = cv2.blur(step, (2 * RADIUS + 1,) * 2)
             second = cv2.min(second, cv2.max(best, step))
             best = cv2.min(best, step)
-        looked += second < 255
+        looked += counts[plane] & (second < 255)
         second = np.where(second < 255, second, best)  # one alone looks: that one
         at[second < least] = inverse_depths[plane]
         least = cv2.min(least, second)
-    is_known = looked >= LOOKED_AT * len(inverse_depths)
+    is_known = looked >= LOOKED_AT * counts.sum()
     is_known &= _shown(photo.colors, 2 * RADIUS + 1) > 0
     return np.where(is_known, least / np.float32(255), np.float32(np.nan)), at
 

@@ -46,6 +46,8 @@ def stages(model: Any, camera: Any, photo: Float[Tensor, "H W 3"]) -> list[Shown
     opacities = model.gauss_params["opacities"]
     static = StaticView(
         outputs["rgb_static"],
+        outputs["accumulation"],
+        None,
         drawn.means2d.detach()[0],
         drawn.visible,
         torch.sigmoid(opacities.detach()[:, 0]),

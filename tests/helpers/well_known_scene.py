@@ -68,7 +68,12 @@ class WellKnownScene:
         if mask is not None:
             photo, counted = apply_mask(photo, rgb, mask)
         static = StaticView(
-            rgb, self.drawn.means2d[0], self.drawn.visible, self.opacities[:, 0].sigmoid()
+            rgb,
+            torch.ones_like(rgb[..., :1]),
+            None,
+            self.drawn.means2d[0],
+            self.drawn.visible,
+            self.opacities[:, 0].sigmoid(),
         )
         usual = usual_residuals(self.state, count, photo.device)
         comparison, usual = compare(photo, static, usual, counted)

@@ -73,7 +73,7 @@ def test_after_the_warm_up_a_photo_is_looked_at_at_once_and_then_in_every_third_
             at_hand.regions = kept
         unseen = unseen or FullImageDatamanager.sample_train_cameras(manager)
         index, nominal = unseen.pop(0), schedule.nominal(step)
-        looks = at_hand._looks(TrainStep(nominal, step, index, the_view(), nothing_drawn()))
+        looks = at_hand.looks(TrainStep(nominal, step, index, the_view(), nothing_drawn()))
         if nominal >= run.distractors.warmup:
             visits[index].append(looks)
             at_hand.regions[index] = torch.ones(1, 1, dtype=torch.bool)
@@ -109,13 +109,13 @@ def test_what_the_sweep_keeps_does_not_depend_on_the_static_scene():
         radii = torch.ones(30, dtype=torch.int32)
         drawn = Rendering(static, static[..., :1], None, torch.rand(1, 30, 2), radii)
         step = layer.TrainStep(NominalStep(0), RunStep(0), 1, view, drawn)
-        model.layer.look(step, photo, static, mask, torch.zeros(30, 1), {})
+        model.layer.look(step, photo, static, None, mask, torch.zeros(30, 1), {})
         kept.append(step.sweep_photo)
     assert torch.equal(*kept)
     assert (kept[0][5:9, :, 3] == 0).all()
     model.layer.sweep.keep(1, kept[0])
     step = layer.TrainStep(NominalStep(1), RunStep(1), 1, view, drawn)
-    model.layer.look(step, photo, static, mask, torch.zeros(30, 1), {})
+    model.layer.look(step, photo, static, None, mask, torch.zeros(30, 1), {})
     assert step.sweep_photo is None
 
 
@@ -138,7 +138,7 @@ def test_what_gaussians_count_for_has_the_same_bits_on_any_number_of_threads(mon
             torch.set_num_threads(threads)
             step = scene.train_step(0, scene.photo)
             step.static = replace(scene.drawn, means2d=places, radii=radii)
-            at_hand.update_regions(step, logits, {}, None)
+            at_hand.update_regions(step, None, logits, {}, None)
     finally:
         torch.set_num_threads(before)
     assert torch.equal(*seen)

@@ -51,11 +51,11 @@ class SceneBelowASky(WellKnownScene):
         layer = DistractorLayer(gaussians, CONFIG, SplatfactoModelConfig(), cams, None, background)
         for _ in range(10):
             step = self.train_step(0, self.photo)
-            layer.update_regions(step, self.opacities, self.state, None)
+            layer.update_regions(step, None, self.opacities, self.state, None)
             assert step.usual is not None
             self.state[USUAL] = step.usual
         step = self.train_step(100, photo)
-        layer.update_regions(step, self.opacities, self.state, None)
+        layer.update_regions(step, None, self.opacities, self.state, None)
         assert step.regions is not None
         return step.regions
 

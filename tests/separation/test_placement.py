@@ -114,7 +114,7 @@ class Trained:
         scene, step = self.scene, self.scene.train_step(number, photo)
         none = alpha(0.0)
         photo, static = step.photo, step.static_rgb
-        self.layer.look(step, photo, static, None, scene.opacities, scene.state)
+        self.layer.look(step, photo, static, None, None, scene.opacities, scene.state)
         self.layer.commit(step, scene.state, lambda: None, lambda _: none.flatten())
         return step
 

@@ -3,7 +3,7 @@
 import pytest
 import torch
 
-from desplat_ns.separation.regions import outlier_regions
+from desplat_ns.separation.regions import outlier_regions, own_colors
 
 WEAK, STRONG = 0.1, 0.5
 
@@ -42,3 +42,14 @@ def test_holes_are_filled_but_not_bays():
 def test_regions_at_the_border_and_small_ones_stay_as_they_are(box):
     excess = block(box, value=0.9)
     assert torch.equal(regions(excess), excess > 0)
+
+
+def test_what_is_behind_a_transparent_scene_is_no_difference():
+    """Whatever its colour: the scene's own is compared, and an empty one contradicts nothing."""
+    photo = torch.rand(3, 4, 5, generator=torch.Generator().manual_seed(0))
+    scene = torch.tensor([0.1, 0.6, 0.3])[:, None, None].expand_as(photo)
+    for alpha, wanted in ((0.0, photo), (0.25, (photo + scene) / 2), (0.5, scene), (1.0, scene)):
+        for behind in (torch.zeros_like(photo), torch.ones_like(photo), photo):
+            shown = alpha * scene + (1 - alpha) * behind
+            own = own_colors(shown, torch.full_like(photo[:1], alpha), behind, photo)
+            assert torch.allclose(own, wanted, atol=1e-6)

@@ -111,11 +111,11 @@ def test_one_neighbour_that_shows_the_same_explains_nothing_and_two_do():
 
 
 def test_where_fewer_than_two_others_look_nobody_knows():
-    """The others are 1 to the right: at half of the depths columns up to 26 are beyond them."""
+    """The others are 1 to the right: columns up to 22 are beyond them at a tenth of the depths."""
     photo, *others = photos_of(cameras((0.0, 0.0), (1.0, 0.0), (1.0, 0.1)))
     left, _ = unexplained(photo, others, INVERSE_DEPTHS)
-    assert np.isnan(left[:, :24]).all()
-    assert not np.isnan(left[4:-8, 28:]).any()
+    assert np.isnan(left[:, :21]).all()
+    assert not np.isnan(left[4:-8, 26:]).any()
     assert np.isnan(unexplained(photo, others[:1], INVERSE_DEPTHS)[0]).all()
     assert np.isnan(unexplained(photo, [], INVERSE_DEPTHS)[0]).all()
 
