@@ -20,7 +20,7 @@ from torch import Tensor
 from torch._subclasses.fake_tensor import FakeTensorMode
 from torch.fx.experimental.symbolic_shapes import ShapeEnv
 
-import desplat_ns.separation.regions as regions_of_photos
+import desplat_ns.separation.decide as regions_of_photos
 from desplat_ns.backend.gsplat_cuda import _with_unsound_behind
 from desplat_ns.backend.protocol import Rendering, Splats, View
 from desplat_ns.backend.ssim import _window
@@ -40,6 +40,7 @@ from desplat_ns.photo_tourism.appearance import fourier_features
 from desplat_ns.photo_tourism.config import AppearanceConfig, BackgroundConfig
 from desplat_ns.photo_tourism.image_effects import ImageEffects
 from desplat_ns.rendering.layers import layered_outputs, over_background, static_outputs
+from desplat_ns.separation.decide import Thresholds
 from desplat_ns.separation.grid import _shares
 from desplat_ns.separation.layer import DistractorLayer, TrainStep
 from desplat_ns.separation.placement import distractor_weight
@@ -87,7 +88,7 @@ def a_layer(background: BackgroundGrade = "off") -> DistractorLayer:
     layer.background = background
     layer.regions = {}
     sweep: Any = SimpleNamespace(photos={}, unexplained=lambda _, device: cuda(HEIGHT, WIDTH))
-    layer.sweep = sweep
+    layer.sweep, layer.thresholds = sweep, Thresholds()
     layer.config, layer.num_views = CONFIG, 8
     return layer
 

@@ -21,7 +21,7 @@ from desplat_ns.pipeline import DeSplatPipeline
 from desplat_ns.rendering.views import view_of
 from desplat_ns.report.views import Unlike, unlike_in
 from desplat_ns.scene.gather import Rgb, training_images
-from desplat_ns.separation.regions import apply_mask
+from desplat_ns.separation.decide import apply_mask
 
 ERROR_TOP = 0.25
 """Mean difference of the colours, which are in [0, 1], that gets the brightest colour."""
@@ -62,12 +62,12 @@ def training_photos(pipeline: DeSplatPipeline, chosen: Sequence[int]) -> Iterato
             name, covered, unlike = manager.train_image_names[index], None, None
             static = outputs.get("rgb_static", outputs["rgb"])
             pictures = {"photo": picture_of(photo, CARD), "rendering": picture_of(static, CARD)}
-            if "alpha_distractor" in outputs:
+            if model.layer is not None:
                 alpha_d, seen = outputs["alpha_distractor"], photo
                 if "mask" in batch:
                     seen, _ = apply_mask(photo, static, batch["mask"].to(photo.device))
-                config = model.config.distractors
-                unlike = unlike_in(name, view_of(camera), alpha_d, seen, static, config)
+                by = model.layer.thresholds
+                unlike = unlike_in(name, view_of(camera), alpha_d, seen, static, by)
                 mask = outputs["distractor_mask"].float()
                 covered = float(mask.mean())
                 drawn = (outputs["rgb_distractor"].cpu().numpy(), alpha_d.cpu().numpy())

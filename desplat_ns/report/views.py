@@ -15,13 +15,12 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from desplat_ns.backend.protocol import View
-from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.pipeline import DeSplatPipeline
 from desplat_ns.rendering.layers import MASK_THRESHOLD
 from desplat_ns.rendering.near_plane import sampled
 from desplat_ns.rendering.views import held, image_points, in_image
+from desplat_ns.separation.decide import Thresholds, differences
 from desplat_ns.separation.grid import grid_of, pooled, region_pixels
-from desplat_ns.separation.regions import differences
 
 PLACES = 4_000
 """Opaque static Gaussians that are looked for in the photos, evenly chosen."""
@@ -128,12 +127,12 @@ def unlike_in(
     alpha_d: Float[Tensor, "H W 1"],
     photo: Float[Tensor, "H W 3"],
     static: Float[Tensor, "H W 3"],
-    config: DistractorConfig,
+    by: Thresholds,
 ) -> Unlike:
     """How a photo differs from the static scene in the photo's light, both in [0, 1]; under the
     user's mask they are the same."""
     covered = (alpha_d.detach() > MASK_THRESHOLD).float()
-    unlike = region_pixels(differences(photo, static, config).float(), view.height, view.width)
+    unlike = region_pixels(differences(photo, static, by).float(), view.height, view.width)
     cells = pooled(torch.maximum(covered, unlike), grid_of(view.width, view.height, CELLS))[0]
     return Unlike(name, held(view), cells > 0.5)
 

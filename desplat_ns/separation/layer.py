@@ -23,15 +23,16 @@ from desplat_ns.gaussians.activation import (
 from desplat_ns.gaussians.densification import DistractorDensifier, strategy_info
 from desplat_ns.gaussians.distractor_config import DistractorConfig, rates_at
 from desplat_ns.gaussians.distractors import DistractorGaussians, ViewDistractors
-from desplat_ns.separation.grid import region_pixels
-from desplat_ns.separation.placement import FEW_VIEWS, about_few_views, placement
-from desplat_ns.separation.regions import (
+from desplat_ns.separation.decide import (
     StaticView,
+    Thresholds,
     apply_mask,
     compare,
-    find_regions,
+    decide,
     own_sky,
 )
+from desplat_ns.separation.grid import region_pixels
+from desplat_ns.separation.placement import FEW_VIEWS, about_few_views, placement
 from desplat_ns.separation.residuals import LEAST_VIEWS, USUAL, usual_residuals
 from desplat_ns.separation.sweep import PlaneSweep, photo_to_sweep
 from desplat_ns.settings.effects import BackgroundGrade
@@ -106,6 +107,7 @@ class DistractorLayer:
         self.background = background
         every = config.steps_between_refinements(self.num_views, scale)
         self.densifier = DistractorDensifier(config, static, every)
+        self.thresholds = Thresholds(config.weak_excess, config.strong_excess)
         self.sweep = PlaneSweep(points, cameras)
         self.regions: dict[int, Bool[Tensor, "rows columns"]] = {}
         """Those of each view, as it was last looked at."""
@@ -210,10 +212,10 @@ class DistractorLayer:
         if train_step.nominal < self.config.warmup:
             return
         comparison = replace(comparison, counted=counted)  # skies within a thing's outline are it
-        train_step.regions = find_regions(
+        train_step.regions = decide(
             comparison,
-            self.config,
             lambda: self.sweep.unexplained(train_step.index, photo.device),
+            self.thresholds,
         )
 
     def commit(

@@ -107,8 +107,9 @@ def unexplained(
     come nearest to it, colours in [0, 1]; and that depth, inverse.
 
     The difference is NaN where nobody knows: where fewer than two others look at `LOOKED_AT` of the
-    depths, those before the nearest point (`NEAREST`) not counted; and where the photo itself does not show all of the window. The second-best other counts, since the
-    best one may show the same thing in the way; at a depth at which one alone looks, that one.
+    depths, those before the nearest point (`NEAREST`) not counted; and where the photo itself does
+    not show all of the window. The second-best other counts, since the best one may show the same
+    thing in the way; at a depth at which one alone looks, that one.
 
     Args:
         others: in the exposure of the photo.

@@ -18,8 +18,8 @@ from desplat_ns.data.training_views import train_index
 from desplat_ns.files.pages import Shown, over_checkerboard, to_rgb8
 from desplat_ns.runs.files import find_run
 from desplat_ns.runs.loading import load_run
+from desplat_ns.separation.decide import StaticView, compare, decide
 from desplat_ns.separation.grid import fine_grid_of, grid_of, pooled
-from desplat_ns.separation.regions import StaticView, compare, find_regions
 from desplat_ns.separation.residuals import local_residual, usual_residuals
 from lab import DOCS, parser_of
 from lab.separation.passers_by import photo_of
@@ -58,7 +58,7 @@ def stages(model: Any, camera: Any, photo: Float[Tensor, "H W 3"]) -> list[Shown
     fine = fine_grid_of(width, height)
     residual = local_residual(pooled(static.rgb, fine), pooled(photo, fine), grid_of(width, height))
     unexplained = model.layer.sweep.unexplained(index)
-    regions = find_regions(comparison, model.layer.config, lambda: unexplained)
+    regions = decide(comparison, lambda: unexplained, model.layer.thresholds)
     left = torch.zeros_like(residual) if unexplained is None else unexplained.nan_to_num()
     shown = {key: value.cpu().numpy() for key, value in outputs.items()}
     return [

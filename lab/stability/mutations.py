@@ -72,7 +72,7 @@ MUTATIONS = (
              "torch.exp(log_scales.clamp(max=MAX_LOG_SCALE))", "torch.exp(log_scales)", FORMULAS),
     Mutation("placing never stops", "separation/layer.py",
              "step < STOP_PLACING_AT", "step >= 0", "tests/separation/test_placement.py"),
-    Mutation("weak regions without a strong cell", "separation/regions.py",
+    Mutation("weak regions without a strong cell", "separation/decide.py",
              "keep[labels[strong]] = True", "keep[labels[weak]] = True",
              "tests/separation/test_regions.py"),
     Mutation("photos are held beyond the bound", "data/photo_cache.py",

@@ -9,10 +9,9 @@ import torch
 from nerfstudio.cameras.cameras import Cameras
 
 from desplat_ns.backend.protocol import Rendering, View
-from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.rendering.views import view_of
+from desplat_ns.separation.decide import StaticView, Thresholds, apply_mask, compare, decide
 from desplat_ns.separation.layer import TrainStep
-from desplat_ns.separation.regions import StaticView, apply_mask, compare, find_regions
 from desplat_ns.separation.residuals import USUAL, usual_residuals
 from desplat_ns.training.schedule import NominalStep, RunStep
 
@@ -59,7 +58,7 @@ class WellKnownScene:
     def find(
         self,
         photo: torch.Tensor,
-        config: DistractorConfig,
+        by: Thresholds | None = None,
         mask: torch.Tensor | None = None,
         unexplained: torch.Tensor | None = None,
     ) -> torch.Tensor:
@@ -77,7 +76,7 @@ class WellKnownScene:
         )
         usual = usual_residuals(self.state, count, photo.device)
         comparison, usual = compare(photo, static, usual, counted)
-        regions = find_regions(comparison, config, lambda: unexplained)
+        regions = decide(comparison, lambda: unexplained, by or Thresholds())
         self.state[USUAL] = usual
         return regions
 

@@ -5,12 +5,10 @@ from dataclasses import replace
 import torch
 
 from desplat_ns.backend.protocol import View
-from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.report.views import Unlike, disputed_places, unlike_in
-from desplat_ns.separation.regions import apply_mask
+from desplat_ns.separation.decide import Thresholds, apply_mask
 
 WIDTH, HEIGHT, VIEWS = 80, 60, 20
-CONFIG = DistractorConfig(start="residual", strong_excess=0.15, lambda_d=0.02)
 
 
 def view(index: int) -> View:
@@ -38,7 +36,7 @@ def of_photo(index: int, alpha: torch.Tensor, photo: torch.Tensor | None = None)
     """Of a photo that shows the static scene, or of another one; the scene is grey."""
     grey = torch.full((HEIGHT, WIDTH, 3), 0.5)
     shown = grey if photo is None else photo
-    return unlike_in(f"{index:02}.jpg", view(index), alpha, shown, grey, CONFIG)
+    return unlike_in(f"{index:02}.jpg", view(index), alpha, shown, grey, Thresholds())
 
 
 def test_something_elsewhere_in_each_photo_disputes_nothing():

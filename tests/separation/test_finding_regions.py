@@ -2,30 +2,27 @@
 
 import dataclasses
 
-import pytest
 import torch
 
-from desplat_ns.gaussians.distractor_config import DistractorConfig
-from desplat_ns.separation import regions
-from desplat_ns.separation.regions import evidence_of
+from desplat_ns.separation.decide import Thresholds, evidence_of
 from desplat_ns.separation.residuals import USUAL, Excess
 from tests.helpers.well_known_scene import HEIGHT, WIDTH, WellKnownScene
 
-CONFIG = DistractorConfig(start="residual", weak_excess=0.05, strong_excess=0.15)
+BY = Thresholds()
 CPU = torch.device("cpu")
 
 
-def seen_often(config: DistractorConfig = CONFIG) -> WellKnownScene:
+def seen_often(by: Thresholds = BY) -> WellKnownScene:
     """The scene after five visits, in which nothing was in the way."""
     scene = WellKnownScene()
     for _ in range(5):
-        assert not scene.find(scene.photo, config).any()
+        assert not scene.find(scene.photo, by).any()
     return scene
 
 
 def test_an_occluder_of_one_view_is_found_on_a_scene_seen_often():
     scene = seen_often()
-    region = scene.find(scene.with_an_occluder(), CONFIG)
+    region = scene.find(scene.with_an_occluder(), BY)
     assert region.shape == (HEIGHT, WIDTH)
     true = torch.zeros_like(region)
     true[10:30, 20:40] = True
@@ -38,8 +35,8 @@ def test_a_strong_excess_above_the_most_of_a_rough_scene_acts():
         scene = seen_often()
         photo = scene.photo.clone()
         photo[10:30, 20:40] += 0.55
-        config = dataclasses.replace(CONFIG, strong_excess=strong)
-        found.append(int(scene.find(photo, config).sum()))
+        by = dataclasses.replace(BY, strong=strong)
+        found.append(int(scene.find(photo, by).sum()))
     assert found[0] > 100 and found[1] == 0
 
 
@@ -50,9 +47,9 @@ def test_what_a_masked_pixel_holds_changes_no_bit():
         scene, mask = WellKnownScene(), torch.ones(HEIGHT, WIDTH, 1, dtype=torch.bool)
         mask[15:33, 12:31] = False
         for _ in range(3):
-            scene.find(scene.photo, CONFIG)
+            scene.find(scene.photo, BY)
         photo = scene.with_an_occluder().masked_fill(~mask, value)
-        regions = scene.find(photo, CONFIG, mask)
+        regions = scene.find(photo, BY, mask)
         results.append((regions, scene.state[USUAL]))
     assert results[0][0].any()
     assert torch.equal(results[0][0], results[1][0])
@@ -64,8 +61,8 @@ def test_what_is_in_the_way_beside_a_mask_is_found():
     scene, mask = WellKnownScene(), torch.ones(HEIGHT, WIDTH, 1, dtype=torch.bool)
     mask[:, 30:] = False
     for _ in range(5):
-        scene.find(scene.photo, CONFIG, mask)
-    region = scene.find(scene.with_an_occluder(), CONFIG, mask)
+        scene.find(scene.photo, BY, mask)
+    region = scene.find(scene.with_an_occluder(), BY, mask)
     assert region[12:28, 22:28].all()
     assert not region[:, 30:].any()
 
@@ -73,7 +70,7 @@ def test_what_is_in_the_way_beside_a_mask_is_found():
 def with_an_occluder(unexplained: torch.Tensor | None) -> torch.Tensor:
     """Regions of a photo with an occluder, if the others leave so much of the photo unexplained."""
     scene = seen_often()
-    return scene.find(scene.with_an_occluder(), CONFIG, unexplained=unexplained)
+    return scene.find(scene.with_an_occluder(), BY, unexplained=unexplained)
 
 
 def test_what_other_photos_explain_is_in_no_region():
@@ -98,37 +95,31 @@ def test_what_nobody_knows_makes_no_region_and_joins_one():
 
 
 def test_the_evidence_is_at_most_a_multiple_of_what_is_unexplained():
-    """Of an excess of 0.2: three times 0.02 where the scene is known, half of it elsewhere; all of
-    it where nobody was asked or nobody knows."""
-    values, votes = torch.full((2, 2), 0.2), torch.tensor([[0.2, 0.05], [0.2, 0.05]])
-    excess = Excess(values, torch.tensor(0.01), votes)
-    left = torch.tensor([[0.02, 0.02], [0.9, torch.nan]])
+    """Of an excess of 0.2: three times 0.02; all of it where nobody was asked or nobody knows."""
+    values = torch.full((2, 2), 0.2)
+    excess = Excess(values, torch.tensor(0.01))
+    left = torch.tensor([[0.02, 0.05], [0.9, torch.nan]])
     evidence, is_known = evidence_of(excess, left)
-    assert torch.allclose(evidence, torch.tensor([[0.06, 0.01], [0.2, 0.2]]))
+    assert torch.allclose(evidence, torch.tensor([[0.06, 0.15], [0.2, 0.2]]))
     assert is_known.tolist() == [[True, True], [True, False]]
     assert torch.equal(evidence_of(excess, None)[0], values)
 
 
-def test_of_the_scenes_own_detail_in_another_light_hardly_any_is_in_a_region(
-    monkeypatch: pytest.MonkeyPatch,
-):
+def test_of_the_scenes_own_detail_in_another_light_hardly_any_is_in_a_region():
     scene = seen_often()
     y, x = torch.meshgrid(torch.arange(HEIGHT), torch.arange(WIDTH), indexing="ij")
     flare = 0.4 * torch.exp(-((x - 30) ** 2 + (y - 20) ** 2) / 200)[..., None]
-    with monkeypatch.context() as unasked:
-        unasked.setattr(regions, "SHARED_DETAIL", 1.0)
-        taken = scene.find(scene.photo + flare, CONFIG).sum()
+    taken = scene.find(scene.photo + flare, dataclasses.replace(BY, shared_detail=1.0)).sum()
     assert taken > 800
-    assert scene.find(scene.photo + flare, CONFIG).sum() < 0.1 * taken
-    assert scene.find(scene.with_an_occluder(), CONFIG)[12:28, 22:38].all()
+    assert scene.find(scene.photo + flare, BY).sum() < 0.1 * taken
+    assert scene.find(scene.with_an_occluder(), BY)[12:28, 22:38].all()
 
 
-def test_the_advice_to_raise_strong_excess_helps(monkeypatch: pytest.MonkeyPatch):
+def test_the_advice_to_raise_strong_excess_helps():
     """A pale occluder has an excess of 0.18; it has the detail of the scene behind it, which is not
     asked for here, and so no edge to follow."""
-    monkeypatch.setattr(regions, "SHARED_DETAIL", 1.0)
     for strong, is_found in ((0.12, True), (0.4, False)):
-        config = dataclasses.replace(CONFIG, strong_excess=strong)
-        scene = seen_often(config)
-        found = scene.find(scene.with_a_pale_one(), config)
+        by = dataclasses.replace(BY, strong=strong, shared_detail=1.0)
+        scene = seen_often(by)
+        found = scene.find(scene.with_a_pale_one(), by)
         assert bool(found[16:24, 26:34].all()) == bool(found.any()) == is_found

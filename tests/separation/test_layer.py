@@ -19,9 +19,9 @@ from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.gaussians.distractors import DistractorGaussians
 from desplat_ns.model import DeSplatModel
 from desplat_ns.model_config import DeSplatModelConfig
-from desplat_ns.separation import layer, regions
+from desplat_ns.separation import decide, layer
+from desplat_ns.separation.decide import Comparison, StaticView
 from desplat_ns.separation.layer import DistractorLayer, TrainStep
-from desplat_ns.separation.regions import Comparison, StaticView
 from desplat_ns.training.schedule import NominalStep, RunStep, Schedule
 from tests.helpers.small_model import NUM_VIEWS, Trainer, make_model
 from tests.helpers.well_known_scene import WellKnownScene, cameras, nothing_drawn, the_view
@@ -42,7 +42,7 @@ def looks(
         looked_at.append(model.step)
         return torch.full(comparison.excess.values.shape, model.step == found_at)
 
-    monkeypatch.setattr(layer, "find_regions", find)
+    monkeypatch.setattr(layer, "decide", find)
     for step in steps:
         trainer.step(step, step % NUM_VIEWS)
     return looked_at
@@ -130,7 +130,7 @@ def test_what_gaussians_count_for_has_the_same_bits_on_any_number_of_threads(mon
 
     def compare(photo: torch.Tensor, static: StaticView, *rest: Any) -> Any:
         seen.append(static.opacities)
-        return regions.compare(photo, static, *rest)
+        return decide.compare(photo, static, *rest)
 
     monkeypatch.setattr(layer, "compare", compare)
     try:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import torch
 
-from desplat_ns.separation.regions import along_edges
+from desplat_ns.separation.decide import along_edges
 
 ROWS, COLUMNS = 60, 80
 

@@ -3,7 +3,7 @@
 import pytest
 import torch
 
-from desplat_ns.separation.regions import outlier_regions, own_colors
+from desplat_ns.separation.decide import outlier_regions, own_colors
 
 WEAK, STRONG = 0.1, 0.5
 

@@ -16,7 +16,6 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.separation.grid import (
     counted_cells,
     fine_grid_of,
@@ -33,41 +32,40 @@ from desplat_ns.separation.residuals import (
     local_residual,
 )
 
-PEAK_LEVELS, MAX_PEAK = 10.0, 0.4
-"""Evidence that a region needs at its peak, in levels of the view, and in colours at the most.
-While the scene is not learned, places stand out that it learns later unless they are left out."""
 
-FEWEST_VOTES = 0.1
-"""Opacity per cell of the Gaussians around it: with more, the scene is known."""
+@dataclass(frozen=True)
+class Thresholds:
+    """All numbers by which `decide` decides; differences are of colours in [0, 1]."""
 
-TRUSTED, DOUBTED = 3.0, 0.5
-"""Times what is unexplained, the excess counts at most: where the scene is known, a thing may look
-like something else at some depth by chance; where it is not, the excess itself is doubtful."""
-
-DETAIL_WINDOW = 7
-"""Fine cells (an odd number) over which detail is compared: in a wider window edges of what is in
-front count as its own detail far inside, in a narrower one there is little to compare."""
-
-DETAIL_NOISE = 1e-3
-"""Added to both variances, of grey in [0, 1]. What differs less from its surroundings is no detail:
-before a bare wall, nobody can tell a light from a thing."""
-
-SHARED_DETAIL = 0.7
-"""Where the detail of a photo correlates more than this with that of the static scene, it is the
-scene's own in another light, and nothing in the way."""
-
-MOST_CONTRAST = 1.5
-"""No light makes a photo's detail so much stronger than the scene's; a ghost that the scene has
-learned from that photo is so much weaker than what stands there."""
-
-MOST_OPACITY = 0.5
-"""Of the static scene: below, what is behind it is more of a cell than the scene itself."""
-
-OUTLINE_WINDOW = 13
-"""Cells (an odd number) over which a region is explained by the photo's colours."""
-
-OUTLINE_NOISE = 1e-4
-"""Variance of colours in [0, 1] that is no edge."""
+    weak: float = 0.05
+    """Evidence of each cell of a region."""
+    strong: float = 0.15
+    """Evidence of one of them at least, once the scene is learned."""
+    peak_levels: float = 10.0
+    """Evidence of one of them before, in levels of the view, but at most `most_peak`: while the
+    scene is not learned, places stand out that it learns later unless they are left out."""
+    most_peak: float = 0.4
+    trusted: float = 3.0
+    """Times what is unexplained, the excess counts at most: a thing may look like something else at
+    some depth by chance."""
+    opacity: float = 0.5
+    """Of the static scene: below, what is behind it is more of a cell than the scene itself."""
+    detail_window: int = 7
+    """Fine cells (an odd number) over which detail is compared: in a wider window edges of what is
+    in front count as its own detail far inside, in a narrower one there is little to compare."""
+    detail_noise: float = 1e-3
+    """Variance of grey that is no detail: before a bare wall, nobody can tell a light from a thing.
+    """
+    shared_detail: float = 0.7
+    """Correlation of the detail of photo and scene above which it is the scene's in another light.
+    """
+    most_contrast: float = 1.5
+    """No light makes a photo's detail so much stronger than the scene's; a ghost that the scene has
+    learned from that photo is so much weaker than what stands there."""
+    outline_window: int = 13
+    """Cells (an odd number) over which a region is explained by the photo's colours."""
+    outline_noise: float = 1e-4
+    """Variance of colours that is no edge."""
 
 
 @dataclass(frozen=True)
@@ -150,16 +148,17 @@ def own_colors(
     alpha: Float[Tensor, "1 r c"],
     behind: Float[Tensor, "3 r c"],
     photo: Float[Tensor, "3 r c"],
+    by: Thresholds = Thresholds(),
 ) -> Float[Tensor, "3 r c"]:
     """The colours of the static scene itself, whatever is behind it: what is not learned yet, or
     recovers from a reset of opacities, differs from the photo by chance otherwise. Below an opacity
-    of `MOST_OPACITY` they are drawn to the photo's: an empty scene contradicts nothing."""
-    own = photo + (static - alpha * photo - (1 - alpha) * behind) / alpha.clamp(min=MOST_OPACITY)
+    of `by.opacity` they are drawn to the photo's: an empty scene contradicts nothing."""
+    own = photo + (static - alpha * photo - (1 - alpha) * behind) / alpha.clamp(min=by.opacity)
     return own.clamp(0, 1)
 
 
 def differences(
-    photo: Float[Tensor, "H W 3"], static: Float[Tensor, "H W 3"], config: DistractorConfig
+    photo: Float[Tensor, "H W 3"], static: Float[Tensor, "H W 3"], by: Thresholds
 ) -> Bool[Tensor, "rows columns"]:
     """Where a photo does not show the static scene, whoever is right: regions in which nothing is
     expected and no other photo is asked.
@@ -172,20 +171,20 @@ def differences(
     grid, fine = grid_of(width, height), fine_grid_of(width, height)
     colors_s, colors_p = pooled(static, fine), pooled(photo, fine)
     excess = Excess.unexpected(local_residual(colors_s, colors_p, grid))
-    return find_regions(Comparison(colors_s, colors_p, excess, None), config, lambda: None)
+    return decide(Comparison(colors_s, colors_p, excess, None), lambda: None, by)
 
 
-def find_regions(
+def decide(
     comparison: Comparison,
-    config: DistractorConfig,
     unexplained: Callable[[], Float[Tensor, "r c"] | None],
+    by: Thresholds = Thresholds(),
 ) -> Bool[Tensor, "rows columns"]:
     """Where a photo shows what other views do not, on the grid of `grid_of`; masked cells are in no
     region.
 
-    A region is made of connected cells with an evidence (`evidence_of`) above `weak_excess`, one of
-    them with more than `PEAK_LEVELS` * level, `MAX_PEAK` at most, and more than `strong_excess`.
-    Cells of which nobody knows may belong to a region, and make none.
+    A region is made of connected cells with an evidence (`evidence_of`) above `by.weak`, one of
+    them with more than `by.peak_levels` * level, `by.most_peak` at most, and more than `by.strong`.
+    Cells of which nobody knows may belong to a region, and make none. Nothing is remembered.
 
     Args:
         unexplained: gives that of the photo, by `PlaneSweep.unexplained`, on any grid; None where
@@ -195,28 +194,27 @@ def find_regions(
     excess, counted = comparison.excess, comparison.counted
     rows, columns = excess.values.shape
     grid = columns, rows
-    strong_excess = config.strong_excess
-    needed = (PEAK_LEVELS * excess.level).clamp(strong_excess, max(strong_excess, MAX_PEAK))
+    needed = (by.peak_levels * excess.level).clamp(by.strong, max(by.strong, by.most_peak))
     strong = excess.values > needed
     if strong.is_cpu and not strong.numpy().any():  # as in most photos, which then cost no more
         return strong
-    evidence, is_known = evidence_of(excess, unexplained())
+    evidence, is_known = evidence_of(excess, unexplained(), by)
     strong = (evidence > needed) & is_known
     if strong.is_cpu and not strong.numpy().any():
         return strong
-    alike = shared_detail(comparison.static, comparison.photo)
-    has_foreign_detail = pooled(alike[..., None], grid)[0] <= SHARED_DETAIL
-    weak = (evidence > config.weak_excess) & has_foreign_detail
+    alike = shared_detail(comparison.static, comparison.photo, by)
+    has_foreign_detail = pooled(alike[..., None], grid)[0] <= by.shared_detail
+    weak = (evidence > by.weak) & has_foreign_detail
     colors = pooled(comparison.photo.permute(1, 2, 0), grid)
-    regions = along_edges(outlier_regions(weak, strong & has_foreign_detail), colors)
+    regions = along_edges(outlier_regions(weak, strong & has_foreign_detail), colors, by)
     return regions if counted is None else regions & counted
 
 
 def evidence_of(
-    excess: Excess, unexplained: Float[Tensor, "r c"] | None
+    excess: Excess, unexplained: Float[Tensor, "r c"] | None, by: Thresholds = Thresholds()
 ) -> tuple[Float[Tensor, "rows columns"], Bool[Tensor, "rows columns"]]:
     """How much speaks for something in the way, in colours in [0, 1]: the excess, but not more than
-    a multiple of what other photos leave unexplained; and where anybody knows.
+    `by.trusted` times what other photos leave unexplained; and where anybody knows.
 
     Args:
         unexplained: NaN where nobody knows; there the excess is returned.
@@ -227,14 +225,14 @@ def evidence_of(
     known = (~unexplained.isnan()).to(excess.values)
     left = pooled(unexplained.to(excess.values).nan_to_num()[..., None], (columns, rows))[0]
     is_known = pooled(known[..., None], (columns, rows))[0] >= 0.5
-    times = torch.where(excess.votes >= FEWEST_VOTES, TRUSTED, DOUBTED)
-    limited = torch.minimum(excess.values, times * left)
+    limited = torch.minimum(excess.values, by.trusted * left)
     return torch.where(is_known, limited, excess.values), is_known
 
 
 def shared_detail(
     static: Float[Tensor, "3 fine_rows fine_columns"],
     photo: Float[Tensor, "3 fine_rows fine_columns"],
+    by: Thresholds = Thresholds(),
 ) -> Float[Tensor, "fine_rows fine_columns"]:
     """Correlation of the grey of both in the surroundings of each cell, in [-1, 1].
 
@@ -249,17 +247,19 @@ def shared_detail(
     Source: normalised cross-correlation, with a floor that stands for noise.
     """
     s, p = window_means(torch.stack([static.mean(dim=0), photo.mean(dim=0)]), SMOOTHING)
-    s, p, ss, pp, sp = window_means(torch.stack([s, p, s * s, p * p, s * p]), DETAIL_WINDOW)
-    of_static = (ss - s * s).clamp(min=0) + DETAIL_NOISE
-    of_photo = (pp - p * p).clamp(min=0) + DETAIL_NOISE
+    s, p, ss, pp, sp = window_means(torch.stack([s, p, s * s, p * p, s * p]), by.detail_window)
+    of_static = (ss - s * s).clamp(min=0) + by.detail_noise
+    of_photo = (pp - p * p).clamp(min=0) + by.detail_noise
     common = sp - s * p
     alike = common / (of_static * of_photo).sqrt()
-    return alike.masked_fill(common / of_static > MOST_CONTRAST, 0.0)
+    return alike.masked_fill(common / of_static > by.most_contrast, 0.0)
 
 
 @torch.no_grad()
 def own_sky(
-    photo: Float[Tensor, "H W 3"], alpha_s: Float[Tensor, "H W 1"]
+    photo: Float[Tensor, "H W 3"],
+    alpha_s: Float[Tensor, "H W 1"],
+    by: Thresholds = Thresholds(),
 ) -> Bool[Tensor, "rows columns"]:
     """Cells of `grid_of` that show no scene, and no detail in the photo.
 
@@ -274,9 +274,9 @@ def own_sky(
     height, width = photo.shape[:2]
     grid, fine = grid_of(width, height), fine_grid_of(width, height)
     grey = pooled(photo, fine).mean(dim=0)
-    mean, square = window_means(torch.stack([grey, grey.square()]), DETAIL_WINDOW)
+    mean, square = window_means(torch.stack([grey, grey.square()]), by.detail_window)
     variance = pooled((square - mean.square())[..., None], grid)[0]
-    return (variance < DETAIL_NOISE) & (pooled(alpha_s, grid)[0] < MOST_OPACITY)
+    return (variance < by.detail_noise) & (pooled(alpha_s, grid)[0] < by.opacity)
 
 
 def outlier_regions(
@@ -322,7 +322,9 @@ def _without_holes(mask: np.ndarray) -> np.ndarray:
 
 
 def along_edges(
-    regions: Bool[Tensor, "rows columns"], colors: Float[Tensor, "3 rows columns"]
+    regions: Bool[Tensor, "rows columns"],
+    colors: Float[Tensor, "3 rows columns"],
+    by: Thresholds = Thresholds(),
 ) -> Bool[Tensor, "rows columns"]:
     """The regions, each cell given to the side whose colours it has.
 
@@ -339,14 +341,14 @@ def along_edges(
     """
     colors = colors.double()  # grey surroundings make the systems below nearly singular
     inside = regions.to(colors)
-    guide = window_means(colors, OUTLINE_WINDOW)
-    target = window_means(inside[None], OUTLINE_WINDOW)[0]
+    guide = window_means(colors, by.outline_window)
+    target = window_means(inside[None], by.outline_window)[0]
     products = (colors[:, None] * colors).flatten(0, 1)
-    products = window_means(products, OUTLINE_WINDOW).unflatten(0, (3, 3))
+    products = window_means(products, by.outline_window).unflatten(0, (3, 3))
     covariance = (products - guide[:, None] * guide).permute(2, 3, 0, 1)
-    covariance = covariance + OUTLINE_NOISE * torch.eye(3).to(colors)
-    both = window_means(colors * inside, OUTLINE_WINDOW) - guide * target
+    covariance = covariance + by.outline_noise * torch.eye(3).to(colors)
+    both = window_means(colors * inside, by.outline_window) - guide * target
     slope = torch.linalg.solve_ex(covariance, both.permute(1, 2, 0))[0].permute(2, 0, 1)
     offset = target - (slope * guide).sum(dim=0)
-    fitted = window_means(torch.cat([slope, offset[None]]), OUTLINE_WINDOW)
+    fitted = window_means(torch.cat([slope, offset[None]]), by.outline_window)
     return (fitted[:3] * colors).sum(dim=0) + fitted[3] > 0.5
