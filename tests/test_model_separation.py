@@ -23,7 +23,7 @@ def config(**changes: Any) -> DistractorConfig:
 
 def a_dense_model(**changes: Any) -> DeSplatModel:
     """A static scene that fills the views, so that every cell has somebody to remember it."""
-    side = torch.linspace(-1.5, 1.5, 12)
+    side = torch.linspace(-1.5, 1.5, 24)
     x, y = torch.meshgrid(side, side, indexing="ij")
     points = torch.stack([x, y, torch.zeros_like(x)], dim=-1).reshape(-1, 3)
     return make_model(points, distractors=config(**changes), **NO_DENSIFICATION)

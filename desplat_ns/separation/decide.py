@@ -46,8 +46,12 @@ class Thresholds:
     scene is not learned, places stand out that it learns later unless they are left out."""
     most_peak: float = 0.4
     trusted: float = 3.0
-    """Times what is unexplained, the excess counts at most: a thing may look like something else at
-    some depth by chance."""
+    """Times what is unexplained, the excess counts at most where the scene is known: a thing may
+    look like something else at some depth by chance."""
+    doubted: float = 0.5
+    """The same where it is not: the excess itself is doubtful."""
+    votes: float = 0.1
+    """Opacity per cell of the Gaussians around it: with more, the scene is known."""
     opacity: float = 0.5
     """Of the static scene: below, what is behind it is more of a cell than the scene itself."""
     detail_window: int = 7
@@ -214,7 +218,7 @@ def evidence_of(
     excess: Excess, unexplained: Float[Tensor, "r c"] | None, by: Thresholds = Thresholds()
 ) -> tuple[Float[Tensor, "rows columns"], Bool[Tensor, "rows columns"]]:
     """How much speaks for something in the way, in colours in [0, 1]: the excess, but not more than
-    `by.trusted` times what other photos leave unexplained; and where anybody knows.
+    `by.trusted` or `by.doubted` times what other photos leave unexplained; and where anybody knows.
 
     Args:
         unexplained: NaN where nobody knows; there the excess is returned.
@@ -225,7 +229,8 @@ def evidence_of(
     known = (~unexplained.isnan()).to(excess.values)
     left = pooled(unexplained.to(excess.values).nan_to_num()[..., None], (columns, rows))[0]
     is_known = pooled(known[..., None], (columns, rows))[0] >= 0.5
-    limited = torch.minimum(excess.values, by.trusted * left)
+    times = torch.where(excess.votes >= by.votes, by.trusted, by.doubted)
+    limited = torch.minimum(excess.values, times * left)
     return torch.where(is_known, limited, excess.values), is_known
 
 

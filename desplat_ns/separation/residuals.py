@@ -91,11 +91,13 @@ class Excess:
     """In colours in [0, 1]; below 0 where a residual is smaller than expected."""
     level: Float[Tensor, ""]
     """`LEVEL_QUANTILE` of the view's residuals; it falls as the scene is learned."""
+    votes: Float[Tensor, "rows columns"]
+    """Opacity per cell of the Gaussians around it that say what is expected."""
 
     @classmethod
     def unexpected(cls, residual: Float[Tensor, "rows columns"]) -> Excess:
         """All of a residual, as if nothing were expected."""
-        return cls(residual, _level(residual, None))
+        return cls(residual, _level(residual, None), torch.ones_like(residual))
 
 
 def excess_residual(
@@ -122,12 +124,12 @@ def excess_residual(
     level = _level(residual, counted)
     relative = F.pad((residual / level).log().flatten(), (0, 1))
     inside, cell = cells_of(means2d, visible, residual.shape, counted)
-    expected = _mean_by_cell(usual, opacities, cell, residual.shape)
+    expected, votes = _mean_by_cell(usual, opacities, cell, residual.shape)
     off = torch.sign(relative.index_select(0, cell) - usual)
     usual = usual + MEDIAN_STEP * off * inside
     values = residual - level * expected.exp()
     values = values if counted is None else values.masked_fill(~counted, 0.0)
-    return Excess(values, level), usual
+    return Excess(values, level, votes), usual
 
 
 def _level(
@@ -162,12 +164,12 @@ def cells_of(
 
 def _mean_by_cell(
     values: Float[Tensor, " N"], weights: Tensor, cell: Tensor, shape: torch.Size
-) -> Float[Tensor, "rows columns"]:
+) -> tuple[Float[Tensor, "rows columns"], Float[Tensor, "rows columns"]]:
     """Weighted mean of the values around each cell, drawn to the mean of all where weights are
-    small."""
+    small; and the weights per cell."""
     rows = torch.stack([weights * values, weights])
     sums = rows.new_zeros(2, shape[0] * shape[1] + 1).index_add_(1, cell, rows)
     total, weight = window_means(sums[:, :-1].reshape(2, *shape), EXPECTED_WINDOW)
     all_values, all_weights = rows.sum(dim=1)
     typical = all_values / all_weights.clamp(min=torch.finfo(rows.dtype).tiny)
-    return (total + TYPICAL_WEIGHT * typical) / (weight + TYPICAL_WEIGHT)
+    return (total + TYPICAL_WEIGHT * typical) / (weight + TYPICAL_WEIGHT), weight
