@@ -85,7 +85,7 @@ def a_layer(background: BackgroundGrade = "off") -> DistractorLayer:
     """What looks for regions, without what asks cameras where they stand. What other photos leave
     unexplained is found by a thread, which puts it on the GPU."""
     layer = DistractorLayer.__new__(DistractorLayer)
-    layer.background = background
+    layer.background, layer.is_behind_by_chance = background, background == "off"
     layer.regions = {}
     sweep: Any = SimpleNamespace(photos={}, unexplained=lambda _, device: cuda(HEIGHT, WIDTH))
     layer.sweep, layer.thresholds = sweep, Thresholds()

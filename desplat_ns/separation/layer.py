@@ -105,6 +105,8 @@ class DistractorLayer:
         self.config = config
         self.num_views = len(cameras)
         self.background = background
+        self.is_behind_by_chance = background == "off" and static.background_color == "random"
+        """A sky, and a colour that the user chose, are part of the scene."""
         every = config.steps_between_refinements(self.num_views, scale)
         self.densifier = DistractorDensifier(config, static, every)
         self.thresholds = Thresholds(config.weak_excess, config.strong_excess)
@@ -162,7 +164,7 @@ class DistractorLayer:
         if self.looks(train_step):
             if train_step.index not in self.sweep.photos:
                 train_step.sweep_photo = photo_to_sweep(photo_as_it_is, mask)
-            behind = behind if self.background == "off" else None  # a sky is scene
+            behind = behind if self.is_behind_by_chance else None
             self.update_regions(train_step, behind, opacities, state, counted)
         if train_step.distractors is None or train_step.regions is None:
             return photo, None

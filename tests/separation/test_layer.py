@@ -142,3 +142,22 @@ def test_what_gaussians_count_for_has_the_same_bits_on_any_number_of_threads(mon
     finally:
         torch.set_num_threads(before)
     assert torch.equal(*seen)
+
+
+def test_a_background_that_the_user_chose_is_scene_and_a_random_one_is_not(monkeypatch):
+    scene, seen = WellKnownScene(), []
+
+    def compare(photo: torch.Tensor, static: StaticView, *rest: Any) -> Any:
+        seen.append(static.behind)
+        return decide.compare(photo, static, *rest)
+
+    monkeypatch.setattr(layer, "compare", compare)
+    config, cams = DistractorConfig(start="residual"), cameras()[torch.zeros(5, dtype=torch.long)]
+    for color in ("random", "white"):
+        static = DeSplatModelConfig(background_color=color)
+        at_hand = DistractorLayer(DistractorGaussians(config, cams), config, static, cams, None)
+        step = scene.train_step(0, scene.photo)
+        at_hand.look(
+            step, step.photo, step.static_rgb, torch.ones(3), None, scene.opacities, scene.state
+        )
+    assert seen[0] is not None and seen[1] is None
