@@ -36,7 +36,7 @@ PYTHONS_TESTED ?= 3.10 3.11 3.12
 
 PY := $(VENV)/bin/python
 # Of tests/: where a processor's instructions can decide how a test ends.
-COMPUTING := backend evaluation gaussians photo_tourism rendering separation survey training
+COMPUTING := backend distractors evaluation gaussians photo_tourism rendering separation survey training
 COMPUTING += stability test_same_bits.py
 # One process for each core, four at most, and torch on one thread in each.
 PYTEST := OMP_NUM_THREADS=1 $(PY) -m pytest -n auto --maxprocesses 4 --dist worksteal

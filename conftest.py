@@ -144,7 +144,7 @@ def tiny_run(tiny_scene: Scene) -> Callable[[Path], TrainerConfig]:
         from nerfstudio.configs.method_configs import all_methods
 
         from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
-        from desplat_ns.gaussians.distractor_config import DistractorConfig
+        from desplat_ns.distractors.config import DistractorConfig
         from desplat_ns.settings.effects import EffectsConfig
 
         assert tiny_scene.folder is not None

@@ -1,1 +1,187 @@
-desplat_ns/method_configs.py
+"""The registered methods. Those that end in `-paper` have the numbers of App. B.3 and Splatfacto's
+and nothing else; `desplat` changes what `separating_distractors` lists, refines seldom and has the
+effects that a survey of the capture asks for; `desplat-phototourism` has those of tourists' photos.
+"""
+
+from __future__ import annotations
+
+import torch
+from nerfstudio.configs.base_config import MachineConfig
+from nerfstudio.engine.schedulers import ExponentialDecaySchedulerConfig
+from nerfstudio.plugins.types import MethodSpecification
+
+from desplat_ns.datamanager import DeSplatDataManagerConfig
+from desplat_ns.distractors.config import DistractorConfig
+from desplat_ns.errors import print_user_errors_plainly
+from desplat_ns.model_config import DeSplatModelConfig
+from desplat_ns.nerfstudio_quirks import name_callers_quickly, read_only_configurations
+from desplat_ns.photo_tourism.config import AppearanceConfig
+from desplat_ns.pipeline import DeSplatPipelineConfig
+from desplat_ns.settings.effects import EffectsConfig
+from desplat_ns.trainer import DeSplatTrainerConfig
+from desplat_ns.training.optimizers import FusedAdamConfig
+
+print_user_errors_plainly()
+read_only_configurations()
+name_callers_quickly()
+
+STEPS = 30_000
+"""Length of the full schedule, B.3."""
+
+FULL_RATE_VISITS = 75.0
+"""Visits of each photo for which Splatfacto's learning rates are right. Chosen on generated scenes
+and one real one (docs/results/speed.md, "Learning rates of short runs")."""
+
+QUICK_VISITS = 25.0
+"""Visits of each photo by `desplat-quick`; `desplat` has those of the full rates
+(docs/results/speed.md, "How long to train")."""
+
+PHOTO_TOURISM_STEPS, BACKGROUND_STEPS = 200_000, 100_000
+"""The same for Photo Tourism, and steps in which the background's rates fall: as in the authors'
+code."""
+
+
+def _constant(lr: float) -> dict:
+    return {"optimizer": FusedAdamConfig(lr=lr, eps=1e-15), "scheduler": None}
+
+
+def _decaying(lr: float, lr_final: float, warmup_steps: int = 0, steps: int = STEPS) -> dict:
+    decay = ExponentialDecaySchedulerConfig(
+        lr_final=lr_final, max_steps=steps, warmup_steps=warmup_steps, lr_pre_warmup=0.0
+    )
+    return {"optimizer": FusedAdamConfig(lr=lr, eps=1e-15), "scheduler": decay}
+
+
+def static_optimizers() -> dict:
+    """Splatfacto's (nerfstudio 1.1.5)."""
+    return {
+        "means": _decaying(1.6e-4, 1.6e-6),
+        "features_dc": _constant(2.5e-3),
+        "features_rest": _constant(2.5e-3 / 20),
+        "opacities": _constant(0.05),
+        "scales": _constant(5e-3),
+        "quats": _constant(1e-3),
+        "camera_opt": _decaying(1e-4, 5e-7, warmup_steps=1000),
+        "bilateral_grid": _decaying(2e-3, 1e-4, warmup_steps=1000),
+    }
+
+
+def image_effect_optimizers(background_steps: int = STEPS) -> dict:
+    """B.3, for appearance and background where they are on; the cheaper grades' are ours. The
+    background's rates fall in `background_steps`."""
+    return {
+        "camera_responses": _decaying(2e-2, 5e-4),
+        "background_coefficients": _decaying(1e-2, 1e-3),
+        "appearance_mlp": _constant(5e-4),
+        "image_embeddings": _constant(1e-3),
+        "appearance_features": _constant(5e-3),
+        "background_encoder": _decaying(2e-3, 1e-4, steps=background_steps),
+        "background_sh_dc": _decaying(2e-3, 2e-4, steps=background_steps),
+        "background_sh_rest": _decaying(1e-4, 1e-5, steps=background_steps),
+    }
+
+
+def separating_distractors() -> DistractorConfig:
+    """What separates in short runs as in long ones: docs/explain/separation.md says why,
+    docs/results/quality.md how well."""
+    return DistractorConfig(
+        start="residual",
+        static_alone=True,
+        static_warmup=None,
+        lambda_d=0.1,
+        initial_opacity=0.5,
+        leak=0.03,
+        refine_visits=5,
+    )
+
+
+def desplat_model(effects: EffectsConfig) -> DeSplatModelConfig:
+    """What works in runs of any length."""
+    return DeSplatModelConfig(
+        effects=effects,
+        appearance=AppearanceConfig(mlp_scale=1.0),
+        distractors=separating_distractors(),
+        first_megapixels=0.05,
+        resolution_schedule=12_000,
+        gaussians_per_pixel=0.05,
+        opacity_prior=0.2,
+        near_plane=0.2,
+    )
+
+
+def paper_model(effects: EffectsConfig) -> DeSplatModelConfig:
+    """B.3; what it has for Photo Tourism alone are the effects and the number of steps."""
+    return DeSplatModelConfig(effects=effects, refine_every=100, cull_to_the_end=True)
+
+
+def _method(
+    name: str,
+    description: str,
+    model: DeSplatModelConfig,
+    steps: int = STEPS,
+    visits: float = 0.0,
+    background_steps: int = STEPS,
+) -> MethodSpecification:
+    """A method of `steps` steps, or with `visits` as long as the photos ask for."""
+    return MethodSpecification(
+        config=DeSplatTrainerConfig(
+            method_name=name,
+            machine=MachineConfig(device_type="cuda" if torch.cuda.is_available() else "cpu"),
+            max_num_iterations=0 if visits > 0 else steps,
+            nominal_num_iterations=steps,
+            full_rate_visits=FULL_RATE_VISITS if visits > 0 else 0.0,
+            visits=visits,
+            steps_per_save=2000,
+            steps_per_eval_batch=0,
+            steps_per_eval_image=100,
+            steps_per_eval_all_images=1000,
+            pipeline=DeSplatPipelineConfig(datamanager=DeSplatDataManagerConfig(), model=model),
+            optimizers=static_optimizers() | image_effect_optimizers(background_steps),
+            vis="viewer",
+        ),
+        description=description,
+    )
+
+
+desplat = _method(
+    "desplat",
+    "DeSplat: a clean static scene from photos with things in the way, on GPU or CPU.",
+    desplat_model(EffectsConfig(auto=True)),
+    visits=FULL_RATE_VISITS,
+)
+
+desplat_quick = _method(
+    "desplat-quick",
+    "DeSplat for a first look: 25 visits of each photo, 1,000 steps for 40; minutes on a laptop.",
+    desplat_model(EffectsConfig(auto=True)),
+    visits=QUICK_VISITS,
+)
+
+desplat_paper = _method(
+    "desplat-paper",
+    "DeSplat with the settings of the paper (App. B.3), to compare with.",
+    paper_model(EffectsConfig()),
+)
+
+desplat_phototourism = _method(
+    "desplat-phototourism",
+    "DeSplat for tourists' photos: `desplat` with light and sky of each photo's own.",
+    desplat_model(EffectsConfig(appearance="affine", background="image")),
+    visits=FULL_RATE_VISITS,
+)
+
+desplat_phototourism_paper = _method(
+    "desplat-phototourism-paper",
+    "DeSplat with the paper's settings for Photo Tourism (App. B.3), to compare with.",
+    paper_model(EffectsConfig(appearance="affine", background="image")),
+    steps=PHOTO_TOURISM_STEPS,
+    background_steps=BACKGROUND_STEPS,
+)
+
+desplat_phototourism_a_paper = _method(
+    "desplat-phototourism-a-paper",
+    "As desplat-phototourism-paper, with the appearance model alone (DeSplat-A).",
+    paper_model(EffectsConfig(appearance="affine")),
+    steps=PHOTO_TOURISM_STEPS,
+    background_steps=BACKGROUND_STEPS,
+)

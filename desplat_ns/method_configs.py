@@ -11,8 +11,8 @@ from nerfstudio.engine.schedulers import ExponentialDecaySchedulerConfig
 from nerfstudio.plugins.types import MethodSpecification
 
 from desplat_ns.datamanager import DeSplatDataManagerConfig
+from desplat_ns.distractors.config import DistractorConfig
 from desplat_ns.errors import print_user_errors_plainly
-from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.model_config import DeSplatModelConfig
 from desplat_ns.nerfstudio_quirks import name_callers_quickly, read_only_configurations
 from desplat_ns.photo_tourism.config import AppearanceConfig

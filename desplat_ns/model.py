@@ -24,6 +24,10 @@ from desplat_ns.console import list_names
 from desplat_ns.data.images import resize_image
 from desplat_ns.data.point_cloud import distinct
 from desplat_ns.data.training_views import train_index, view_name
+from desplat_ns.distractors.layer import DistractorLayer, TrainStep
+from desplat_ns.distractors.placement import distractor_weight
+from desplat_ns.distractors.refinement import strategy_info
+from desplat_ns.distractors.sets import DistractorGaussians, to_device
 from desplat_ns.errors import BackendUnavailableError, CaptureError, DeSplatError
 from desplat_ns.gaussians.activation import (
     RawParameters,
@@ -31,8 +35,6 @@ from desplat_ns.gaussians.activation import (
     activate_static,
     resize_rows,
 )
-from desplat_ns.gaussians.densification import strategy_info
-from desplat_ns.gaussians.distractors import DistractorGaussians, to_device
 from desplat_ns.gaussians.strategy import StaticStrategy
 from desplat_ns.losses import (
     background_opacity_loss,
@@ -56,8 +58,6 @@ from desplat_ns.rendering.layers import layered_outputs, over_background, static
 from desplat_ns.rendering.metrics import LazyLpips, image_metrics
 from desplat_ns.rendering.near_plane import sampled, scene_start, stands_clear
 from desplat_ns.rendering.views import held, reduced, view_of
-from desplat_ns.separation.layer import DistractorLayer, TrainStep
-from desplat_ns.separation.placement import distractor_weight
 from desplat_ns.separation.residuals import cells_of
 from desplat_ns.settings.effects import Effects
 from desplat_ns.training.schedule import NominalStep, RunStep, Schedule, pause_after_reset

@@ -12,7 +12,7 @@ from nerfstudio.models.splatfacto import SplatfactoModelConfig
 from desplat_ns.backend import BackendName
 from desplat_ns.backend.spherical_harmonics import MAX_DEGREE
 from desplat_ns.cores import memory as machine_memory
-from desplat_ns.gaussians.distractor_config import DistractorConfig
+from desplat_ns.distractors.config import DistractorConfig
 from desplat_ns.gaussians.strategy import UNLIMITED
 from desplat_ns.photo_tourism.config import AppearanceConfig, BackgroundConfig
 from desplat_ns.settings.effects import EffectsConfig

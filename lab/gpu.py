@@ -44,8 +44,8 @@ from desplat_ns.backend import resolve
 from desplat_ns.backend.protocol import RenderSettings, Splats, View
 from desplat_ns.backend.registry import compile_kernels
 from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
+from desplat_ns.distractors.refinement import strategy_info
 from desplat_ns.files.whole import write_whole
-from desplat_ns.gaussians.densification import strategy_info
 from desplat_ns.nerfstudio_quirks import splatfacto_modules_without_torchmetrics
 from desplat_ns.rendering.metrics import psnr, ssim
 from desplat_ns.settings.effects import EffectsConfig

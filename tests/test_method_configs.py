@@ -8,7 +8,7 @@ import pytest
 import torch
 from nerfstudio.configs.method_configs import method_configs as upstream
 
-from desplat_ns.gaussians.distractor_config import rates_at
+from desplat_ns.distractors.config import rates_at
 from desplat_ns.method_configs import desplat_paper
 
 PAPER: Any = desplat_paper.config

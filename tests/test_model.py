@@ -7,10 +7,10 @@ import torch
 from nerfstudio.cameras.camera_optimizers import CameraOptimizerConfig
 from nerfstudio.models.splatfacto import RGB2SH
 
+from desplat_ns.distractors import refinement
+from desplat_ns.distractors.config import DistractorConfig
+from desplat_ns.distractors.refinement import DistractorDensifier
 from desplat_ns.errors import CaptureError, DeSplatError
-from desplat_ns.gaussians import densification
-from desplat_ns.gaussians.densification import DistractorDensifier
-from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.rendering.layers import composite_alpha, over_background
 from desplat_ns.rendering.metrics import psnr
 from desplat_ns.settings.effects import EffectsConfig
@@ -90,8 +90,8 @@ def test_the_static_opacity_is_reset_and_that_of_distractors_is_not():
 
 
 def test_distractors_that_the_photo_does_not_show_are_pruned(monkeypatch):
-    monkeypatch.setattr(densification, "MIN_PIXELS", 0.05)
-    monkeypatch.setattr(densification, "GROW_GRAD", 1e9)
+    monkeypatch.setattr(refinement, "MIN_PIXELS", 0.05)
+    monkeypatch.setattr(refinement, "GROW_GRAD", 1e9)
     model = make_model(warmup_length=0)
     assert model.layer is not None
     by_pixels = replace(model.config.distractors, start="residual")

@@ -8,7 +8,7 @@ import psutil
 import pytest
 import torch
 
-from desplat_ns.gaussians.distractor_config import DistractorConfig
+from desplat_ns.distractors.config import DistractorConfig
 from desplat_ns.gaussians.strategy import UNLIMITED
 from desplat_ns.model_config import DeSplatModelConfig
 from tests.helpers.small_model import HEIGHT, WIDTH, camera, make_model

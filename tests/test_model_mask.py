@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 import torch
 
-from desplat_ns.gaussians.distractor_config import DistractorConfig
+from desplat_ns.distractors.config import DistractorConfig
 from desplat_ns.model import DeSplatModel
 from tests.helpers.small_model import HEIGHT, WIDTH, camera, distractors_of, make_model
 

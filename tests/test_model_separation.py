@@ -6,10 +6,10 @@ import pytest
 import torch
 
 from desplat_ns.backend.ssim import ssim
-from desplat_ns.gaussians.distractor_config import DistractorConfig
+from desplat_ns.distractors.config import DistractorConfig
+from desplat_ns.distractors.placement import distractor_weight
 from desplat_ns.model import DeSplatModel
 from desplat_ns.rendering.views import image_points, view_of
-from desplat_ns.separation.placement import distractor_weight
 from desplat_ns.settings.effects import EffectsConfig
 from tests.helpers.small_model import HEIGHT, WIDTH, Trainer, camera, distractors_of, make_model
 

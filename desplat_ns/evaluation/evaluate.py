@@ -20,10 +20,10 @@ from torch import Tensor, nn
 import desplat_ns
 from desplat_ns.console import progress_over
 from desplat_ns.data.gt_masks import read_gt_mask
+from desplat_ns.distractors.sets import DistractorGaussians
 from desplat_ns.errors import CaptureError, ConfigError, DeSplatError
 from desplat_ns.evaluation.config import EvaluationConfig
 from desplat_ns.evaluation.halves import embedding_from_left_half, right_half
-from desplat_ns.gaussians.distractors import DistractorGaussians
 from desplat_ns.model import DeSplatModel
 from desplat_ns.rendering.metrics import mask_iou, mean_alpha_outside
 from desplat_ns.rendering.views import is_distorted

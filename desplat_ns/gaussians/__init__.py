@@ -1,1 +1,1 @@
-"""Both sets of Gaussians: how they start, are activated, grow and are pruned."""
+"""The static Gaussians' growth and pruning, and how raw parameters of both sets are activated."""

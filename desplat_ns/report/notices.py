@@ -7,8 +7,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from desplat_ns.console import list_names
+from desplat_ns.distractors.config import DistractorConfig
 from desplat_ns.files.pages import Picture
-from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.report.pictures import Photo, marked
 from desplat_ns.report.views import Disputed
 

@@ -19,8 +19,9 @@ from desplat_ns.pipeline import DeSplatPipeline
 from desplat_ns.rendering.layers import MASK_THRESHOLD
 from desplat_ns.rendering.near_plane import sampled
 from desplat_ns.rendering.views import held, image_points, in_image
-from desplat_ns.separation.decide import Thresholds, differences
-from desplat_ns.separation.grid import grid_of, pooled, region_pixels
+from desplat_ns.separation.decide import Comparison, Thresholds, decide
+from desplat_ns.separation.grid import fine_grid_of, grid_of, pooled, region_pixels
+from desplat_ns.separation.residuals import Excess, level_of, local_residual
 
 PLACES = 4_000
 """Opaque static Gaussians that are looked for in the photos, evenly chosen."""
@@ -135,6 +136,19 @@ def unlike_in(
     unlike = region_pixels(differences(photo, static, by).float(), view.height, view.width)
     cells = pooled(torch.maximum(covered, unlike), grid_of(view.width, view.height, CELLS))[0]
     return Unlike(name, held(view), cells > 0.5)
+
+
+def differences(
+    photo: Float[Tensor, "H W 3"], static: Float[Tensor, "H W 3"], by: Thresholds
+) -> Bool[Tensor, "rows columns"]:
+    """Where a photo does not show the static scene, whoever is right: regions in which nothing is
+    expected and no other photo is asked; both in [0, 1]."""
+    height, width = photo.shape[:2]
+    grid, fine = grid_of(width, height), fine_grid_of(width, height)
+    colors_s, colors_p = pooled(static, fine), pooled(photo, fine)
+    residual = local_residual(colors_s, colors_p, grid)
+    excess = Excess(residual, level_of(residual, None), torch.ones_like(residual))
+    return decide(Comparison(colors_s, colors_p, excess, None), lambda: None, by)
 
 
 @torch.no_grad()

@@ -161,23 +161,6 @@ def own_colors(
     return own.clamp(0, 1)
 
 
-def differences(
-    photo: Float[Tensor, "H W 3"], static: Float[Tensor, "H W 3"], by: Thresholds
-) -> Bool[Tensor, "rows columns"]:
-    """Where a photo does not show the static scene, whoever is right: regions in which nothing is
-    expected and no other photo is asked.
-
-    Args:
-        photo: in [0, 1].
-        static: in [0, 1].
-    """
-    height, width = photo.shape[:2]
-    grid, fine = grid_of(width, height), fine_grid_of(width, height)
-    colors_s, colors_p = pooled(static, fine), pooled(photo, fine)
-    excess = Excess.unexpected(local_residual(colors_s, colors_p, grid))
-    return decide(Comparison(colors_s, colors_p, excess, None), lambda: None, by)
-
-
 def decide(
     comparison: Comparison,
     unexplained: Callable[[], Float[Tensor, "r c"] | None],

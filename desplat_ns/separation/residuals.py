@@ -94,11 +94,6 @@ class Excess:
     votes: Float[Tensor, "rows columns"]
     """Opacity per cell of the Gaussians around it that say what is expected."""
 
-    @classmethod
-    def unexpected(cls, residual: Float[Tensor, "rows columns"]) -> Excess:
-        """All of a residual, as if nothing were expected."""
-        return cls(residual, _level(residual, None), torch.ones_like(residual))
-
 
 def excess_residual(
     residual: Float[Tensor, "rows columns"],
@@ -121,7 +116,7 @@ def excess_residual(
         counted: cells that are not masked, None if none is. The others have no excess and no part
             in the level; to Gaussians in them this visit is none.
     """
-    level = _level(residual, counted)
+    level = level_of(residual, counted)
     relative = F.pad((residual / level).log().flatten(), (0, 1))
     inside, cell = cells_of(means2d, visible, residual.shape, counted)
     expected, votes = _mean_by_cell(usual, opacities, cell, residual.shape)
@@ -132,7 +127,7 @@ def excess_residual(
     return Excess(values, level, votes), usual
 
 
-def _level(
+def level_of(
     residual: Float[Tensor, "rows columns"], counted: Bool[Tensor, "rows columns"] | None
 ) -> Float[Tensor, ""]:
     """The view's own level; of a view that is masked wholly any, as nobody asks for it."""

@@ -22,13 +22,14 @@ from itertools import count
 import cv2
 import numpy as np
 import torch
-from jaxtyping import Bool, Float, Int, UInt8
+from jaxtyping import Bool, Float, UInt8
 from nerfstudio.cameras.cameras import Cameras
 from torch import Tensor
 
 from desplat_ns.backend.protocol import View
 from desplat_ns.console import about, announce
 from desplat_ns.rendering.near_plane import sampled
+from desplat_ns.rendering.view_pairs import homographies, lower_median, views_beside
 from desplat_ns.rendering.views import image_points, in_image, views_of
 from desplat_ns.separation.grid import fine_grid_of, pooled, to_device
 
@@ -44,19 +45,6 @@ one: the 1% and 99% quantiles count."""
 
 NEIGHBOURS = 6
 """Other photos that are asked about one."""
-
-BEST_ANGLE, WIDTHS = 8.0, (5.0, 12.0)
-"""Degrees between the directions from which two photos see their common points: neighbours at
-`BEST_ANGLE` are preferred, as nearer ones show something in the way before the same background and
-farther ones show another side of the scene. Weights fall like Gaussians of these widths, below and
-above it."""
-
-COMMON_POINTS = 10
-"""Photos with fewer common points are no neighbours."""
-
-MOST_ANGLES = 2**18
-"""Angles by which the neighbours of a photo are chosen: with more than some hundred photos, those
-at some of its points, so that each photo takes as long whatever their number."""
 
 FARTHEST_ANGLE, LOOKERS, FEWEST_LOOKERS = 60.0, 40, 8
 """Photos up to `FARTHEST_ANGLE` degrees apart may dispute what two neighbours confirm. At most
@@ -122,10 +110,11 @@ def unexplained(
     at, counts = np.zeros((rows, columns)), inverse_depths <= NEAREST * inverse_depths.max()
     opaque = np.dstack([photo.colors[..., :3], np.full_like(least, 255)])
     pictures = [np.dstack([other.colors[..., :3], _shown(other.colors)]) for other in others]
-    homographies = [_homographies(photo, other, inverse_depths) for other in others]
+    posed, size = (photo.K, photo.viewmat), (columns, rows)
+    warps = [homographies(*posed, o.K, o.viewmat, size, inverse_depths) for o in others]
     for plane in range(len(inverse_depths)):
         best, second = np.full((2, rows, columns), 255, np.uint8)
-        for (to_other, is_before), picture in zip(homographies, pictures, strict=True):
+        for (to_other, is_before), picture in zip(warps, pictures, strict=True):
             if not is_before[plane]:
                 continue
             flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
@@ -181,16 +170,9 @@ def disputed(
         )  # where the other photo shows nothing alpha is 0, so the difference is 255
         step = cv2.max(cv2.subtract(least, own), cv2.subtract(own, most))
         steps.append(np.maximum(np.minimum(step[..., :3].max(axis=-1), MOST), step[..., 3]))
-    half, lookers = _median(np.stack(steps), 255.0)
+    half, lookers = lower_median(np.stack(steps), 255.0)
     is_disputed = (lookers >= FEWEST_LOOKERS) & (_shown(photo.colors, 2 * RADIUS + 1) > 0)
     return cv2.blur(np.where(is_disputed, half / np.float32(255), 0), near.shape)
-
-
-def _median(values: np.ndarray, absent: float) -> tuple[np.ndarray, np.ndarray]:
-    """The lower median along the first axis of the values below `absent`, and their number."""
-    present = (values < absent).sum(axis=0)
-    place = np.maximum(present - 1, 0)[None] // 2
-    return np.take_along_axis(np.sort(values, axis=0), place, axis=0)[0], present
 
 
 def _shown(
@@ -199,23 +181,6 @@ def _shown(
     """255 where the photo shows all cells of a window as far as it reaches, else 0."""
     alpha = colors[..., 3] if colors.shape[2] > 3 else np.full(colors.shape[:2], 255, np.uint8)
     return cv2.erode(alpha, np.ones((window, window), np.uint8))
-
-
-def _homographies(
-    photo: PosedPhoto, other: PosedPhoto, inverse_depths: Float[np.ndarray, " D"]
-) -> tuple[Float[np.ndarray, "D 3 3"], Bool[np.ndarray, " D"]]:
-    """From places in a photo to those in another, of points in planes before the photo's camera,
-    the middle of the first cell at 0, as OpenCV has it; and whether all that the photo shows of a
-    plane lies before the other camera."""
-    relative = other.viewmat @ np.linalg.inv(photo.viewmat)
-    turns = np.repeat(relative[None, :3, :3], len(inverse_depths), axis=0)
-    turns[:, :, 2] += inverse_depths[:, None] * relative[:3, 3]
-    middle = np.array([[1, 0, 0.5], [0, 1, 0.5], [0, 0, 1.0]])
-    there = np.linalg.inv(middle) @ other.K
-    to_other = there @ turns @ np.linalg.inv(photo.K) @ middle
-    rows, columns = photo.colors.shape[:2]
-    corners = np.array([[0, 0, 1], [columns, 0, 1], [0, rows, 1], [columns, rows, 1]])
-    return to_other, (to_other[:, 2] @ corners.T > 0).all(axis=1)
 
 
 @torch.no_grad()
@@ -298,7 +263,10 @@ class PlaneSweep:
             self._worker.start()
 
     def _sweep(self, index: int) -> Float[np.ndarray, "rows columns"] | None:
-        degrees, weights, others = self._others(index)
+        kept = np.array(sorted(self.photos))
+        centers = self._cameras.camera_to_worlds[..., 3].cpu().numpy()
+        xyz = self._points.numpy()
+        degrees, weights, others = views_beside(index, kept, self._visible, xyz, centers)
         if len(others) < 2:
             return None
         photo = self._posed(index)
@@ -315,28 +283,6 @@ class PlaneSweep:
         near = near[:: -(-len(near) // LOOKERS)].tolist()
         lookers = [self._in_exposure_of(index, other) for other in near]
         return np.maximum(found, disputed(photo, lookers, at))
-
-    def _others(
-        self, index: int
-    ) -> tuple[Float[np.ndarray, " O"], Float[np.ndarray, " O"], Int[np.ndarray, " O"]]:
-        """Photos that show points which one shows, by degrees between the directions from which
-        they see these: degrees, how much they have to say as a neighbour, and their numbers."""
-        seen, others = self._visible[index], np.array(sorted(self.photos))
-        common = (self._visible[others] & seen).sum(axis=1)
-        is_other = (common >= COMMON_POINTS) & (others != index)
-        common, others = common[is_other], others[is_other]
-        points = np.flatnonzero(seen)
-        points = points[:: max(1, -(-len(points) * len(others) // MOST_ANGLES))]
-        centers = self._cameras.camera_to_worlds[..., 3].cpu().numpy()
-        rays = self._points.numpy()[points, None] - centers[np.append(others, index)]
-        rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
-        angles = np.degrees(np.arccos((rays[:, :-1] * rays[:, -1:]).sum(axis=-1).clip(-1, 1)))
-        is_common = self._visible[others][:, points].T
-        degrees, _ = _median(np.where(is_common, angles, 180.0), 180.0)
-        off = degrees - BEST_ANGLE
-        weights = common * np.exp(-((off / np.where(off > 0, WIDTHS[1], WIDTHS[0])) ** 2))
-        order = np.argsort(degrees, kind="stable")
-        return degrees[order], weights[order], others[order]
 
     def _posed(self, index: int, gain: float | np.ndarray = 1.0) -> PosedPhoto:
         """A photo with its camera, its colours times a gain."""

@@ -10,8 +10,8 @@ from nerfstudio.data.scene_box import SceneBox
 from nerfstudio.engine.optimizers import Optimizers
 
 from desplat_ns.backend.registry import BackendName
-from desplat_ns.gaussians.distractor_config import DistractorConfig
-from desplat_ns.gaussians.distractors import ViewDistractors, fill_view
+from desplat_ns.distractors.config import DistractorConfig
+from desplat_ns.distractors.sets import ViewDistractors, fill_view
 from desplat_ns.model import DeSplatModel
 from desplat_ns.model_config import DeSplatModelConfig
 from desplat_ns.settings.effects import Effects, EffectsConfig

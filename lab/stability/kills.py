@@ -27,7 +27,7 @@ from nerfstudio.utils import writer
 from torch.utils._pytree import tree_flatten
 
 from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
-from desplat_ns.gaussians.distractor_config import DistractorConfig
+from desplat_ns.distractors.config import DistractorConfig
 from desplat_ns.settings.effects import EffectsConfig
 from desplat_ns.trainer import DeSplatTrainer
 from desplat_ns.training.checkpoint import (

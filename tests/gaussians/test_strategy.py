@@ -8,7 +8,7 @@ from gsplat.strategy import DefaultStrategy
 from torch import nn
 
 from desplat_ns.backend.protocol import Rendering, View
-from desplat_ns.gaussians.densification import strategy_info
+from desplat_ns.distractors.refinement import strategy_info
 from desplat_ns.gaussians.strategy import UNLIMITED, StaticStrategy, sample
 from desplat_ns.training.schedule import NominalStep
 

@@ -8,7 +8,7 @@ import torch
 from nerfstudio.cameras.cameras import Cameras
 from nerfstudio.data.scene_box import SceneBox
 
-from desplat_ns.gaussians.distractor_config import DistractorConfig
+from desplat_ns.distractors.config import DistractorConfig
 from desplat_ns.model import DeSplatModel
 from desplat_ns.model_config import DeSplatModelConfig
 from desplat_ns.photo_tourism.config import AppearanceConfig

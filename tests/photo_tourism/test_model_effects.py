@@ -7,10 +7,10 @@ import dataclasses
 import pytest
 import torch
 
+from desplat_ns.distractors.config import DistractorConfig
 from desplat_ns.evaluation.config import EvaluationConfig
 from desplat_ns.evaluation.halves import embedding_from_left_half
 from desplat_ns.gaussians.activation import activate_static
-from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.model import DeSplatModel
 from desplat_ns.photo_tourism.camera_response import CENTRED, camera_response, squared_radius
 from desplat_ns.photo_tourism.image_effects import FEATURES

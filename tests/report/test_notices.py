@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from desplat_ns.gaussians.distractor_config import DistractorConfig
+from desplat_ns.distractors.config import DistractorConfig
 from desplat_ns.report.notices import notices
 from desplat_ns.report.views import Disputed
 from tests.helpers.report import training_photo

@@ -8,9 +8,9 @@ import pytest
 import torch
 from nerfstudio.models.splatfacto import SplatfactoModelConfig
 
-from desplat_ns.gaussians.distractor_config import DistractorConfig
-from desplat_ns.gaussians.distractors import DistractorGaussians
-from desplat_ns.separation.layer import DistractorLayer
+from desplat_ns.distractors.config import DistractorConfig
+from desplat_ns.distractors.layer import DistractorLayer
+from desplat_ns.distractors.sets import DistractorGaussians
 from desplat_ns.separation.residuals import USUAL
 from desplat_ns.settings.effects import BackgroundGrade
 from tests.helpers.well_known_scene import HEIGHT, WIDTH, WellKnownScene, cameras

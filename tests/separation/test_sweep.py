@@ -279,31 +279,6 @@ def test_what_is_unexplained_does_not_depend_on_the_order_of_visits_and_is_found
     assert ordered.unexplained(2) is one
 
 
-def ring(count: int) -> Cameras:
-    """Around the z axis, 10 away from it, looking at it; columns to the right."""
-    angles = torch.arange(count) * (2 * torch.pi / count)
-    poses = torch.zeros(count, 3, 4)
-    poses[:, 0, 0], poses[:, 1, 0] = -angles.sin(), angles.cos()
-    poses[:, 2, 1] = 1.0
-    poses[:, 0, 2], poses[:, 1, 2] = angles.cos(), angles.sin()
-    poses[:, :, 3] = 10 * poses[:, :, 2]
-    return Cameras(poses, 50.0, 50.0, WIDTH / 2, HEIGHT / 2, WIDTH, HEIGHT)
-
-
-@pytest.mark.parametrize("count", [90, 720])
-def test_neighbours_are_about_eight_degrees_away_however_many_photos_there_are(count):
-    """With 720 photos angles are taken at some of the points only."""
-    asked = PlaneSweep(
-        torch.randn(3000, 3, generator=torch.Generator().manual_seed(0)), ring(count)
-    )
-    grey = torch.full((HEIGHT, WIDTH, 3), 128, dtype=torch.uint8)
-    asked.load(dict.fromkeys(range(count), grey))
-    degrees, weights, others = asked._others(7)
-    apart = np.abs((others - 7 + count / 2) % count - count / 2) * 360 / count
-    np.testing.assert_allclose(degrees, apart, atol=0.15 * apart.max())
-    assert np.abs(degrees[np.argsort(-weights)[:6]] - 8).max() < 8
-
-
 # --- the thread that sweeps ahead -----------------------------------------------------------------
 
 

@@ -6,8 +6,8 @@ from typing import Any
 import pytest
 import torch
 
+from desplat_ns.distractors.config import DistractorConfig
 from desplat_ns.errors import TrainingError
-from desplat_ns.gaussians.distractor_config import DistractorConfig
 from desplat_ns.model import DeSplatModel
 from desplat_ns.training import step_guard
 from desplat_ns.training.checkpoint import checkpoints_in, load_checkpoint

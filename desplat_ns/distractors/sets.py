@@ -13,7 +13,7 @@ from torch import Tensor, nn
 from torch.optim import Optimizer
 
 from desplat_ns.backend.protocol import View
-from desplat_ns.gaussians.distractor_config import DEPTH, DistractorConfig
+from desplat_ns.distractors.config import DEPTH, DistractorConfig
 from desplat_ns.rendering.views import views_of
 from desplat_ns.settings.options import check_ranges
 from desplat_ns.training.optimizers import adam

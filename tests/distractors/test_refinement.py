@@ -9,9 +9,9 @@ from nerfstudio.cameras.cameras import Cameras
 from nerfstudio.models.splatfacto import SplatfactoModelConfig
 
 from desplat_ns.backend.protocol import Rendering, View
-from desplat_ns.gaussians.densification import GROW_GRAD, DistractorDensifier, strategy_info
-from desplat_ns.gaussians.distractor_config import DEPTH, DistractorConfig
-from desplat_ns.gaussians.distractors import DistractorGaussians
+from desplat_ns.distractors.config import DEPTH, DistractorConfig
+from desplat_ns.distractors.refinement import GROW_GRAD, DistractorDensifier, strategy_info
+from desplat_ns.distractors.sets import DistractorGaussians
 from desplat_ns.training.schedule import NominalStep
 
 VIEW = View(torch.eye(4), torch.eye(3), width=200, height=100)

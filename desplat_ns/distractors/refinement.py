@@ -15,14 +15,14 @@ from nerfstudio.models.splatfacto import SplatfactoModelConfig
 from torch import Tensor
 
 from desplat_ns.backend.protocol import Rendering, View
-from desplat_ns.gaussians.activation import RawParameters
-from desplat_ns.gaussians.distractor_config import (
+from desplat_ns.distractors.config import (
     CULL_ALPHA,
     DEPTH,
     STOP_DENSIFY_AT,
     DistractorConfig,
 )
-from desplat_ns.gaussians.distractors import ViewDistractors
+from desplat_ns.distractors.sets import ViewDistractors
+from desplat_ns.gaussians.activation import RawParameters
 from desplat_ns.gaussians.strategy import UNLIMITED, prune, refine, sample
 from desplat_ns.training.schedule import SPLATFACTOS_INTERVAL, NominalStep
 

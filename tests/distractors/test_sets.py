@@ -5,9 +5,9 @@ import torch
 from nerfstudio.cameras.cameras import Cameras
 
 from desplat_ns.backend.constants import NEAR_PLANE
+from desplat_ns.distractors.config import DistractorConfig, rates_at
+from desplat_ns.distractors.sets import DistractorGaussians
 from desplat_ns.gaussians.activation import keep_colors_in_range
-from desplat_ns.gaussians.distractor_config import DistractorConfig, rates_at
-from desplat_ns.gaussians.distractors import DistractorGaussians
 from desplat_ns.rendering.views import view_of
 from tests.helpers.stub_run import assert_same
 

@@ -7,17 +7,17 @@ import torch
 from nerfstudio.models.splatfacto import SplatfactoModelConfig
 
 from desplat_ns.backend.protocol import View
-from desplat_ns.gaussians.distractor_config import DistractorConfig
-from desplat_ns.gaussians.distractors import DistractorGaussians
-from desplat_ns.separation import layer
-from desplat_ns.separation.grid import grid_of, region_pixels
-from desplat_ns.separation.layer import DistractorLayer, TrainStep
-from desplat_ns.separation.placement import (
+from desplat_ns.distractors import layer
+from desplat_ns.distractors.config import DistractorConfig
+from desplat_ns.distractors.layer import DistractorLayer, TrainStep
+from desplat_ns.distractors.placement import (
     distractor_weight,
     distractors_in,
     lie_in,
     uncovered_cells,
 )
+from desplat_ns.distractors.sets import DistractorGaussians
+from desplat_ns.separation.grid import grid_of, region_pixels
 from desplat_ns.separation.residuals import USUAL
 from tests.helpers.well_known_scene import (
     HEIGHT,

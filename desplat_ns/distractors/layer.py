@@ -14,15 +14,16 @@ from torch import Tensor
 
 from desplat_ns.backend.protocol import Rendering, Splats, View
 from desplat_ns.console import announce_once
+from desplat_ns.distractors.config import DistractorConfig, rates_at
+from desplat_ns.distractors.placement import FEW_VIEWS, about_few_views, placement
+from desplat_ns.distractors.refinement import DistractorDensifier, strategy_info
+from desplat_ns.distractors.sets import DistractorGaussians, ViewDistractors
 from desplat_ns.gaussians.activation import (
     RawParameters,
     activate_distractors,
     keep_colors_in_range,
     sigmoid,
 )
-from desplat_ns.gaussians.densification import DistractorDensifier, strategy_info
-from desplat_ns.gaussians.distractor_config import DistractorConfig, rates_at
-from desplat_ns.gaussians.distractors import DistractorGaussians, ViewDistractors
 from desplat_ns.separation.decide import (
     StaticView,
     Thresholds,
@@ -32,7 +33,6 @@ from desplat_ns.separation.decide import (
     own_sky,
 )
 from desplat_ns.separation.grid import region_pixels
-from desplat_ns.separation.placement import FEW_VIEWS, about_few_views, placement
 from desplat_ns.separation.residuals import LEAST_VIEWS, USUAL, usual_residuals
 from desplat_ns.separation.sweep import PlaneSweep, photo_to_sweep
 from desplat_ns.settings.effects import BackgroundGrade

@@ -14,8 +14,8 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from desplat_ns.backend.protocol import View
-from desplat_ns.gaussians.distractor_config import DistractorConfig
-from desplat_ns.gaussians.distractors import distractors_at
+from desplat_ns.distractors.config import DistractorConfig
+from desplat_ns.distractors.sets import distractors_at
 from desplat_ns.rendering.views import image_points
 from desplat_ns.separation.grid import (
     grid_of,

@@ -1,0 +1,1 @@
+"""The distractor Gaussians: each photo's set, its settings, where they are placed and refined."""
