@@ -11,7 +11,7 @@
 #   make stability  hard cases, kills, broken lines, a long run: outputs/stability.md (2 hours)
 #   make gpu     on a machine with a GPU: parity, step time, waits, training, tests; docs/results/gpu.md (10 minutes, and compiling)
 #   make docs    the site of docs/ in outputs/site; a broken link is an error (make env docs: with all options)
-#   make viewer  fetches and bundles what draws a scene in a page, by npm, into desplat_ns/scene/viewer
+#   make viewer  fetches and bundles what draws a scene in a page, by npm, into desplat_ns/tools/scene/viewer
 #   make study   the runs of lab/study without a record, and their table in outputs/study (hours; resumes)
 #   make smoke   every table of the paper end to end on generated scenes, on the CPU (4 minutes of one core)
 #   make check   ruff, pyright, tests: green on every commit
@@ -36,8 +36,8 @@ PYTHONS_TESTED ?= 3.10 3.11 3.12
 
 PY := $(VENV)/bin/python
 # Of tests/: where a processor's instructions can decide how a test ends.
-COMPUTING := backend distractors evaluation gaussians photo_tourism rendering separation survey training
-COMPUTING += stability test_same_bits.py
+COMPUTING := backend distractors evaluation gaussians photo_tourism cameras separation survey training
+COMPUTING += stability test_layers.py test_same_bits.py
 # One process for each core, four at most, and torch on one thread in each.
 PYTEST := OMP_NUM_THREADS=1 $(PY) -m pytest -n auto --maxprocesses 4 --dist worksteal
 STAMP := $(VENV)/.installed
@@ -122,6 +122,7 @@ test-pythons:
 lint: $(STAMP)
 	$(PY) -m ruff check .
 	$(PY) -m ruff format --check .
+	$(VENV)/bin/lint-imports --no-cache
 	$(PY) -m pyright --pythonpath $(PY)
 
 check: lint test test-lab

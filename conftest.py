@@ -99,8 +99,8 @@ def pytest_terminal_summary(terminalreporter: Any, config: pytest.Config) -> Non
 @pytest.fixture(autouse=True)
 def _nothing_said() -> None:
     """What is announced once in a process is announced in each test."""
-    if "desplat_ns.console" in sys.modules:
-        sys.modules["desplat_ns.console"].announce_once.cache_clear()
+    if "desplat_ns.core.console" in sys.modules:
+        sys.modules["desplat_ns.core.console"].announce_once.cache_clear()
 
 
 @pytest.fixture(scope="session")
@@ -143,9 +143,9 @@ def tiny_run(tiny_scene: Scene) -> Callable[[Path], TrainerConfig]:
     def configure(output: Path) -> TrainerConfig:
         from nerfstudio.configs.method_configs import all_methods
 
+        from desplat_ns.core.effects import EffectsConfig
         from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
         from desplat_ns.distractors.config import DistractorConfig
-        from desplat_ns.settings.effects import EffectsConfig
 
         assert tiny_scene.folder is not None
         config: Any = copy.deepcopy(all_methods["desplat"])

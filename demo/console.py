@@ -16,7 +16,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from desplat_ns.errors import DeSplatError
+from desplat_ns.core.errors import DeSplatError
 
 CONSOLE = Console(highlight=False)
 

@@ -18,8 +18,8 @@ from typing import Any
 
 from console import CONSOLE, DemoError, execute, printing_to, shown
 
-from desplat_ns.errors import DeSplatError
-from desplat_ns.files.pages import Shown, over_checkerboard
+from desplat_ns.core.errors import DeSplatError
+from desplat_ns.core.pages import Shown, over_checkerboard
 from lab.pictures import write_image
 from lab.sheet import sheet
 from lab.synthetic import Frame, Scene, SceneSpec, write_scene
@@ -103,15 +103,15 @@ def train_and_evaluate(run: Run, scene: Path, steps: int) -> float:
 
 def write_page(run: Run) -> None:
     """What `desplat-report` does; here, because another process would take longer to start."""
-    from desplat_ns.commands.report import Report
+    from desplat_ns.tools.commands.report import Report
 
     Report(run.config, output=run.output / PAGE).main()
 
 
 def draw_views(run: Run, scene: Scene) -> list[tuple[str, list[Shown]]]:
     """Rows of the sheet: training photos, what the trained model makes of them, the truth."""
-    from desplat_ns.runs.files import find_run  # takes seconds: not for `--help`
-    from desplat_ns.runs.loading import load_run
+    from desplat_ns.core.run_files import find_run  # takes seconds: not for `--help`
+    from desplat_ns.tools.loading import load_run
 
     pipeline = load_run(find_run(run.config)).pipeline
     manager: Any = pipeline.datamanager

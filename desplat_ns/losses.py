@@ -11,8 +11,8 @@ from torch import Tensor
 
 from desplat_ns.backend.ssim import compiled_photometric, is_fast, similarities
 from desplat_ns.gaussians.activation import sigmoid
+from desplat_ns.layers import composite_alpha
 from desplat_ns.photo_tourism.camera_response import PRIOR_STD
-from desplat_ns.rendering.layers import composite_alpha
 
 EXPLAINED_SHARE = 0.6
 """Share of a pixel's 3 x 3 neighbours that the background has to explain. Eq. 9."""

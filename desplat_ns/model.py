@@ -20,7 +20,12 @@ from torch.optim import Optimizer
 from desplat_ns.backend import Rasterizer, resolve
 from desplat_ns.backend.accumulated_weights import accumulated_weights
 from desplat_ns.backend.protocol import Rendering, RenderSettings, Splats, View
-from desplat_ns.console import list_names
+from desplat_ns.cameras.near_plane import sampled, scene_start, stands_clear
+from desplat_ns.cameras.views import held, reduced, view_of
+from desplat_ns.core.console import list_names
+from desplat_ns.core.effects import Effects
+from desplat_ns.core.errors import BackendUnavailableError, CaptureError, DeSplatError
+from desplat_ns.core.schedule import NominalStep, RunStep, Schedule, pause_after_reset
 from desplat_ns.data.images import resize_image
 from desplat_ns.data.point_cloud import distinct
 from desplat_ns.data.training_views import train_index, view_name
@@ -28,7 +33,6 @@ from desplat_ns.distractors.layer import DistractorLayer, TrainStep
 from desplat_ns.distractors.placement import distractor_weight
 from desplat_ns.distractors.refinement import strategy_info
 from desplat_ns.distractors.sets import DistractorGaussians, to_device
-from desplat_ns.errors import BackendUnavailableError, CaptureError, DeSplatError
 from desplat_ns.gaussians.activation import (
     RawParameters,
     activate_distractors,
@@ -36,6 +40,7 @@ from desplat_ns.gaussians.activation import (
     resize_rows,
 )
 from desplat_ns.gaussians.strategy import StaticStrategy
+from desplat_ns.layers import layered_outputs, over_background, static_outputs
 from desplat_ns.losses import (
     background_opacity_loss,
     camera_response_loss,
@@ -45,22 +50,17 @@ from desplat_ns.losses import (
     photometric_losses,
     static_transparency_loss,
 )
+from desplat_ns.metrics import LazyLpips, image_metrics
 from desplat_ns.model_config import DeSplatModelConfig
-from desplat_ns.nerfstudio_quirks import (
-    splatfacto_modules_without_cuda,
-    splatfacto_modules_without_torchmetrics,
-)
 from desplat_ns.photo_tourism.appearance import fourier_features
 from desplat_ns.photo_tourism.background import BACKGROUND_DEGREE_INTERVAL
 from desplat_ns.photo_tourism.image_effects import FEATURES, ImageEffects
 from desplat_ns.photo_tourism.shown_light import ShownLight
-from desplat_ns.rendering.layers import layered_outputs, over_background, static_outputs
-from desplat_ns.rendering.metrics import LazyLpips, image_metrics
-from desplat_ns.rendering.near_plane import sampled, scene_start, stands_clear
-from desplat_ns.rendering.views import held, reduced, view_of
+from desplat_ns.plugin import (
+    splatfacto_modules_without_cuda,
+    splatfacto_modules_without_torchmetrics,
+)
 from desplat_ns.separation.residuals import cells_of
-from desplat_ns.settings.effects import Effects
-from desplat_ns.training.schedule import NominalStep, RunStep, Schedule, pause_after_reset
 from desplat_ns.viewer import LayerControl
 
 MIN_SEED_POINTS = 4

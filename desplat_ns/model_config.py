@@ -11,16 +11,16 @@ from nerfstudio.models.splatfacto import SplatfactoModelConfig
 
 from desplat_ns.backend import BackendName
 from desplat_ns.backend.spherical_harmonics import MAX_DEGREE
-from desplat_ns.cores import memory as machine_memory
-from desplat_ns.distractors.config import DistractorConfig
-from desplat_ns.gaussians.strategy import UNLIMITED
-from desplat_ns.photo_tourism.config import AppearanceConfig, BackgroundConfig
-from desplat_ns.settings.effects import EffectsConfig
-from desplat_ns.settings.options import check_ranges, ranged
-from desplat_ns.training.schedule import (
+from desplat_ns.core.cores import memory as machine_memory
+from desplat_ns.core.effects import EffectsConfig
+from desplat_ns.core.options import check_ranges, ranged
+from desplat_ns.core.schedule import (
     SPLATFACTOS_INTERVAL,
     steps_between_refinements,
 )
+from desplat_ns.distractors.config import DistractorConfig
+from desplat_ns.gaussians.strategy import UNLIMITED
+from desplat_ns.photo_tourism.config import AppearanceConfig, BackgroundConfig
 
 BYTES_A_GAUSSIAN = 4 * 59 * 8
 """Memory of one more static Gaussian in training, float32: 3 numbers of its place, 3 of its size, 4

@@ -43,13 +43,13 @@ from torch.profiler import ProfilerActivity, profile, record_function
 from desplat_ns.backend import resolve
 from desplat_ns.backend.protocol import RenderSettings, Splats, View
 from desplat_ns.backend.registry import compile_kernels
+from desplat_ns.core.effects import EffectsConfig
+from desplat_ns.core.whole import write_whole
 from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
 from desplat_ns.distractors.refinement import strategy_info
-from desplat_ns.files.whole import write_whole
-from desplat_ns.nerfstudio_quirks import splatfacto_modules_without_torchmetrics
-from desplat_ns.rendering.metrics import psnr, ssim
-from desplat_ns.settings.effects import EffectsConfig
-from desplat_ns.studies.machine import code_version, device_name
+from desplat_ns.metrics import psnr, ssim
+from desplat_ns.plugin import splatfacto_modules_without_torchmetrics
+from desplat_ns.tools.studies.machine import code_version, device_name
 from lab import CHECKOUT, DOCS, OUTPUTS, markdown_table, parser_of
 from lab.bench.drawing import TODAY, Drawing, contenders, errors_of
 from lab.bench.scenes import make_scene

@@ -7,8 +7,8 @@ from importlib.metadata import version
 
 import psutil
 
-from desplat_ns.cores import cores
-from desplat_ns.studies.machine import code_version, processor, short, today
+from desplat_ns.core.cores import cores
+from desplat_ns.tools.studies.machine import code_version, processor, short, today
 
 PACKAGES = ("torch", "numba", "llvmlite", "numpy", "gsplat", "nerfstudio")
 

@@ -15,10 +15,10 @@ from importlib import import_module
 from typing import Any
 
 from desplat_ns import method_configs
+from desplat_ns.data.layouts import desplat_dataparser
 from desplat_ns.data.on_the_go import on_the_go_dataparser
+from desplat_ns.data.photo_tourism import photo_tourism_dataparser
 from desplat_ns.data.robustnerf import robustnerf_dataparser
-from desplat_ns.layouts.dataparser import desplat_dataparser
-from desplat_ns.photo_tourism.dataparser import photo_tourism_dataparser
 from lab import DOCS, markdown_table
 
 REPORT = DOCS / "reference" / "options.md"
@@ -72,7 +72,7 @@ COMMANDS = {
     "desplat-fetch-data": "commands.fetch_data:Arguments",
     "desplat-reproduce": "commands.reproduce:Arguments",
 }
-"""Where the options of each command are."""
+"""Where the options of each command are, in `tools`."""
 
 HEAD = """# Options
 
@@ -191,7 +191,7 @@ def part_of(name: str) -> str:
 def arguments_of(command: str) -> list[Option]:
     """The arguments of one of `COMMANDS`."""
     module, _, owner = COMMANDS[command].partition(":")
-    return [*arguments(getattr(import_module(f"{OURS}.{module}"), owner))]
+    return [*arguments(getattr(import_module(f"{OURS}.tools.{module}"), owner))]
 
 
 def page() -> str:

@@ -19,7 +19,7 @@ import pycolmap
 import tyro
 from jaxtyping import Float
 
-from desplat_ns.process.request import Request
+from desplat_ns.tools.process.request import Request
 from lab import parser_of
 
 

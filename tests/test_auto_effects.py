@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 import yaml
 
+from desplat_ns.core.effects import Effects, EffectsConfig
+from desplat_ns.core.errors import CaptureError, ConfigError
+from desplat_ns.core.run_files import SURVEY
 from desplat_ns.data.images import read_image
-from desplat_ns.errors import CaptureError, ConfigError
-from desplat_ns.runs.files import SURVEY
-from desplat_ns.settings.effects import Effects, EffectsConfig
 from lab.pictures import write_image
 from lab.synthetic import Scene, write_scene
 from tests.helpers.registered import EIGHT_VIEWS, registered_desplat, set_up

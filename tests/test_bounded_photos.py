@@ -13,15 +13,15 @@ import numpy as np
 import psutil
 import pytest
 
+from desplat_ns.core.checkpoint import load_newest
+from desplat_ns.core.errors import CaptureError
+from desplat_ns.core.run_files import find_run
 from desplat_ns.data.colmap import DeSplatColmapDataParserConfig
 from desplat_ns.data.photo_cache import SHARE, BoundedPhotos
 from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
-from desplat_ns.datamanager import DeSplatDataManager, DeSplatDataManagerConfig
-from desplat_ns.errors import CaptureError
-from desplat_ns.report.pictures import training_photos
-from desplat_ns.runs.files import find_run
-from desplat_ns.runs.loading import load_run
-from desplat_ns.training.checkpoint import load_newest
+from desplat_ns.tools.loading import load_run
+from desplat_ns.tools.report.pictures import training_photos
+from desplat_ns.training.datamanager import DeSplatDataManager, DeSplatDataManagerConfig
 from lab.pictures import write_image
 from tests.helpers.lenses import BARREL, distort
 from tests.helpers.registered import set_up

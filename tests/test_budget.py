@@ -10,13 +10,13 @@ import pytest
 import torch
 import yaml
 
-from desplat_ns import trainer as trainer_module
-from desplat_ns.datamanager import DeSplatDataManager
-from desplat_ns.errors import ConfigError
-from desplat_ns.pipeline import DeSplatPipeline
+from desplat_ns.core import schedule
+from desplat_ns.core.checkpoint import load_newest
+from desplat_ns.core.errors import ConfigError
 from desplat_ns.training import clock as trainer_clock
-from desplat_ns.training import schedule
-from desplat_ns.training.checkpoint import load_newest
+from desplat_ns.training import trainer as trainer_module
+from desplat_ns.training.datamanager import DeSplatDataManager
+from desplat_ns.training.pipeline import DeSplatPipeline
 
 BUDGET = 24
 

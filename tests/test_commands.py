@@ -14,7 +14,7 @@ import torch
 import yaml
 from PIL import Image
 
-from desplat_ns.nerfstudio_quirks import use_ffmpeg_of_imageio
+from desplat_ns.plugin import use_ffmpeg_of_imageio
 
 pytestmark = pytest.mark.slow
 

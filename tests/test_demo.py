@@ -8,7 +8,7 @@ from types import ModuleType
 
 import pytest
 
-from desplat_ns.errors import DeSplatError
+from desplat_ns.core.errors import DeSplatError
 
 
 @pytest.fixture(scope="module")

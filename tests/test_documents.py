@@ -150,5 +150,5 @@ def test_the_python_on_its_page_runs(
 def test_no_program_of_the_package_is_without_a_page(checkout: Path, documented: list[Documented]):
     known = {command.program for command in documented}
     text = (checkout / "pyproject.toml").read_text("utf8")
-    ours = set(re.findall(r"^(desplat-\w[\w-]*) = \"desplat_ns.commands", text, re.MULTILINE))
+    ours = set(re.findall(r"^(desplat-\w[\w-]*) = \"desplat_ns.tools.commands", text, re.MULTILINE))
     assert ours <= known

@@ -24,12 +24,15 @@ import desplat_ns.separation.decide as regions_of_photos
 from desplat_ns.backend.gsplat_cuda import _with_unsound_behind
 from desplat_ns.backend.protocol import Rendering, Splats, View
 from desplat_ns.backend.ssim import _window
+from desplat_ns.core.effects import BackgroundGrade, Effects
+from desplat_ns.core.schedule import NominalStep, RunStep
 from desplat_ns.distractors.config import DistractorConfig
 from desplat_ns.distractors.layer import DistractorLayer, TrainStep
 from desplat_ns.distractors.placement import distractor_weight
 from desplat_ns.distractors.refinement import DistractorDensifier, strategy_info
 from desplat_ns.distractors.sets import PARAMETER_NAMES, ViewDistractors, to_device
 from desplat_ns.gaussians.activation import activate_distractors
+from desplat_ns.layers import layered_outputs, over_background, static_outputs
 from desplat_ns.losses import (
     background_opacity_loss,
     distractor_opacity_loss,
@@ -41,12 +44,9 @@ from desplat_ns.losses import (
 from desplat_ns.photo_tourism.appearance import fourier_features
 from desplat_ns.photo_tourism.config import AppearanceConfig, BackgroundConfig
 from desplat_ns.photo_tourism.image_effects import ImageEffects
-from desplat_ns.rendering.layers import layered_outputs, over_background, static_outputs
 from desplat_ns.separation.decide import Thresholds
 from desplat_ns.separation.grid import _shares
 from desplat_ns.separation.residuals import USUAL
-from desplat_ns.settings.effects import BackgroundGrade, Effects
-from desplat_ns.training.schedule import NominalStep, RunStep
 from desplat_ns.training.step_guard import sum_of_squares
 
 WIDTH, HEIGHT, N = 60, 40, 50

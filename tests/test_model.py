@@ -7,13 +7,13 @@ import torch
 from nerfstudio.cameras.camera_optimizers import CameraOptimizerConfig
 from nerfstudio.models.splatfacto import RGB2SH
 
+from desplat_ns.core.effects import EffectsConfig
+from desplat_ns.core.errors import CaptureError, DeSplatError
 from desplat_ns.distractors import refinement
 from desplat_ns.distractors.config import DistractorConfig
 from desplat_ns.distractors.refinement import DistractorDensifier
-from desplat_ns.errors import CaptureError, DeSplatError
-from desplat_ns.rendering.layers import composite_alpha, over_background
-from desplat_ns.rendering.metrics import psnr
-from desplat_ns.settings.effects import EffectsConfig
+from desplat_ns.layers import composite_alpha, over_background
+from desplat_ns.metrics import psnr
 from tests.helpers.small_model import (
     HEIGHT,
     WIDTH,

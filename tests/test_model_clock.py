@@ -6,10 +6,10 @@ import pytest
 import torch
 from nerfstudio.engine.optimizers import Optimizers
 
+from desplat_ns.core.schedule import NominalStep, RunStep, Schedule
 from desplat_ns.distractors.config import DistractorConfig
 from desplat_ns.losses import RESPONSE_OBSERVATIONS
 from desplat_ns.photo_tourism.camera_response import PRIOR_STD
-from desplat_ns.training.schedule import NominalStep, RunStep, Schedule
 from tests.helpers.small_model import Trainer, camera, make_model, model_with
 
 

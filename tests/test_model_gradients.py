@@ -6,8 +6,8 @@ import pytest
 import torch
 from nerfstudio.cameras.camera_optimizers import CameraOptimizerConfig
 
+from desplat_ns.core.effects import EffectsConfig
 from desplat_ns.distractors.config import DistractorConfig
-from desplat_ns.settings.effects import EffectsConfig
 from tests.helpers.small_model import (
     HEIGHT,
     WIDTH,

@@ -11,8 +11,8 @@ from torch import Tensor
 from torch.utils._python_dispatch import TorchDispatchMode
 from torch.utils._pytree import tree_leaves
 
+from desplat_ns.core.effects import Effects
 from desplat_ns.distractors.layer import LOOK_EVERY
-from desplat_ns.settings.effects import Effects
 from lab.bench.model_step import LATE, ModelStep
 from lab.bench.scenes import make_scene
 

@@ -6,11 +6,11 @@ import pytest
 import torch
 
 from desplat_ns.backend.ssim import ssim
+from desplat_ns.cameras.views import image_points, view_of
+from desplat_ns.core.effects import EffectsConfig
 from desplat_ns.distractors.config import DistractorConfig
 from desplat_ns.distractors.placement import distractor_weight
 from desplat_ns.model import DeSplatModel
-from desplat_ns.rendering.views import image_points, view_of
-from desplat_ns.settings.effects import EffectsConfig
 from tests.helpers.small_model import HEIGHT, WIDTH, Trainer, camera, distractors_of, make_model
 
 NO_DENSIFICATION: dict[str, Any] = {"warmup_length": 10_000}

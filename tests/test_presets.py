@@ -11,9 +11,9 @@ import pytest
 import yaml
 from nerfstudio.configs.method_configs import all_methods
 
+from desplat_ns.core.optimizers import set_position
 from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
-from desplat_ns.datamanager import training_split
-from desplat_ns.training.optimizers import set_position
+from desplat_ns.training.datamanager import training_split
 from lab.synthetic import Scene
 from tests.helpers.registered import set_up
 

@@ -14,7 +14,7 @@ import pytest
 import torch
 
 from desplat_ns.backend.numba_kernels.runtime import numba_config
-from desplat_ns.training.checkpoint import checkpoint_path, load_checkpoint
+from desplat_ns.core.checkpoint import checkpoint_path, load_checkpoint
 from lab.bench.timing import threads
 from lab.synthetic import Scene, write_scene
 from tests.helpers.registered import EIGHT_VIEWS, STEPS, registered_desplat, set_up

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 import torch
 
-from desplat_ns.training.checkpoint import checkpoint_path, load_checkpoint
+from desplat_ns.core.checkpoint import checkpoint_path, load_checkpoint
 from lab.synthetic import write_scene
 from tests.helpers.registered import EIGHT_VIEWS, STEPS, registered_desplat, set_up
 

@@ -7,7 +7,7 @@ from nerfstudio.viewer.viewer_elements import ViewerElement
 from torch import nn
 
 from desplat_ns.photo_tourism.shown_light import ShownLight
-from desplat_ns.pipeline import DeSplatPipeline
+from desplat_ns.training.pipeline import DeSplatPipeline
 from desplat_ns.viewer import LayerControl
 from tests.helpers.small_model import make_model
 

@@ -21,7 +21,7 @@ from pathlib import Path
 import torch
 from filelock import FileLock
 
-from desplat_ns.cores import cores, memory
+from desplat_ns.core.cores import cores, memory
 
 BYTES_A_JOB = 4 << 30
 """Of memory that one compiler may need."""

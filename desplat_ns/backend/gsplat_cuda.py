@@ -15,7 +15,7 @@ from desplat_ns.backend.constants import EPS2D, FAR_PLANE, NEAR_PLANE
 from desplat_ns.backend.inputs import check_inputs, is_finite
 from desplat_ns.backend.projection import cut_at_zero, uncut_colors
 from desplat_ns.backend.protocol import Rendering, RenderSettings, Splats, View
-from desplat_ns.errors import BackendUnavailableError
+from desplat_ns.core.errors import BackendUnavailableError
 
 
 class GsplatRasterizer:

@@ -9,7 +9,7 @@ from typing import Literal, get_args
 import torch
 
 from desplat_ns.backend.protocol import Rasterizer
-from desplat_ns.errors import BackendUnavailableError
+from desplat_ns.core.errors import BackendUnavailableError
 
 BackendName = Literal["auto", "gsplat", "torch", "numba"]
 BACKEND_NAMES: tuple[str, ...] = get_args(BackendName)

@@ -18,7 +18,9 @@ from nerfstudio.data.dataparsers.base_dataparser import DataParserConfig, Datapa
 from nerfstudio.data.dataparsers.colmap_dataparser import ColmapDataParser, ColmapDataParserConfig
 from nerfstudio.data.scene_box import SceneBox
 
-from desplat_ns.console import announce_once, list_names
+from desplat_ns.core.console import announce_once, list_names
+from desplat_ns.core.errors import CaptureError
+from desplat_ns.core.options import check_ranges, ranged
 from desplat_ns.data.downscale import PhotoSource, downscale_factor, photo_sources
 from desplat_ns.data.gt_masks import gt_masks
 from desplat_ns.data.photo_files import check_files
@@ -31,8 +33,6 @@ from desplat_ns.data.poses import (
 )
 from desplat_ns.data.reconstruction import Frame, Reconstruction, read_reconstruction
 from desplat_ns.data.splits import Lists, listed_photos, read_list_files
-from desplat_ns.errors import CaptureError
-from desplat_ns.settings.options import check_ranges, ranged
 
 _Hidden = tyro.conf.Suppress
 

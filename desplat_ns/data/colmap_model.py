@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 # PIL before pycolmap: pycolmap 4.2.1 imported first corrupted the heap when PNGs were written.
 import PIL.Image  # noqa: F401
 
-from desplat_ns.errors import CaptureError
+from desplat_ns.core.errors import CaptureError
 
 if TYPE_CHECKING:
     import pycolmap

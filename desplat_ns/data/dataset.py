@@ -18,9 +18,9 @@ from nerfstudio.data.dataparsers.base_dataparser import DataparserOutputs
 from nerfstudio.data.datasets.base_dataset import InputDataset
 from torch import Tensor
 
+from desplat_ns.core.errors import CaptureError
 from desplat_ns.data.downscale import SIZE_TOLERANCE
 from desplat_ns.data.images import image_size, read_image, read_mask, resize_image, resize_mask
-from desplat_ns.errors import CaptureError
 
 Size = tuple[int, int]
 """(width, height) in pixels."""

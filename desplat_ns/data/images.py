@@ -24,9 +24,9 @@ import OpenImageIO as oiio
 from jaxtyping import Bool, Float, Float32, UInt8
 from PIL import ExifTags, Image
 
-from desplat_ns.console import announce
+from desplat_ns.core.console import announce
+from desplat_ns.core.errors import CaptureError
 from desplat_ns.data.photo_files import exposed_together, file_names
-from desplat_ns.errors import CaptureError
 
 MOST_PIXELS = 1 << 28
 """Of a photo, 16,384 x 16,384; one whose header says more is not decoded."""

@@ -18,13 +18,13 @@ from typing import Any
 
 from nerfstudio.plugins.registry_dataparser import DataParserSpecification
 
+from desplat_ns.core.errors import CaptureError
 from desplat_ns.data.colmap import DeSplatColmapDataParser, OwnSplitConfig
 from desplat_ns.data.colmap_model import find_models
 from desplat_ns.data.photo_files import photo_names
 from desplat_ns.data.reconstruction import Reconstruction
 from desplat_ns.data.splits import Lists
 from desplat_ns.data.transforms_json import read_transforms
-from desplat_ns.errors import CaptureError
 
 SPLIT_FILE = "split.json"
 TRANSFORMS_FILE = "transforms.json"

@@ -15,7 +15,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from desplat_ns.cores import cores, memory
+from desplat_ns.core.cores import cores, memory
 from desplat_ns.data.dataset import CaptureDataset, ImageType, Photo
 
 SHARE = 0.4

@@ -8,8 +8,8 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from desplat_ns.console import announce_once, list_names
-from desplat_ns.errors import CaptureError
+from desplat_ns.core.console import announce_once, list_names
+from desplat_ns.core.errors import CaptureError
 
 PHOTO_SUFFIXES = frozenset(
     (".jpg", ".jpeg", ".jpe", ".png", ".tif", ".tiff", ".webp", ".bmp", ".avif", ".heic", ".heif")

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float, Int, Shaped, UInt8
 
 from desplat_ns.backend.spherical_harmonics import C0
-from desplat_ns.errors import CaptureError
+from desplat_ns.core.errors import CaptureError
 
 if TYPE_CHECKING:
     import pycolmap

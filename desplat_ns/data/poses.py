@@ -17,10 +17,10 @@ from nerfstudio.cameras.cameras import Cameras
 from nerfstudio.data.dataparsers.colmap_dataparser import ColmapDataParserConfig
 from torch import Tensor
 
-from desplat_ns.console import announce_once, list_names
+from desplat_ns.core.console import announce_once, list_names
+from desplat_ns.core.errors import CaptureError
 from desplat_ns.data.downscale import PhotoSource
 from desplat_ns.data.reconstruction import TRACKS, Frame, Reconstruction, Tracks
-from desplat_ns.errors import CaptureError
 
 FAR = 30
 """Median distances from the middle of all cameras; ten captures reach 2.9, and one in a line 2."""

@@ -17,10 +17,10 @@ import numpy as np
 from jaxtyping import Float, Int
 from nerfstudio.cameras.cameras import CameraType
 
-from desplat_ns.console import announce_once
+from desplat_ns.core.console import announce_once
+from desplat_ns.core.errors import CaptureError
 from desplat_ns.data.colmap_model import find_models, places_of, read_model, state_of
 from desplat_ns.data.point_cloud import Points, points_of, read_cloud
-from desplat_ns.errors import CaptureError
 
 if TYPE_CHECKING:
     import pycolmap

@@ -14,9 +14,9 @@ from pathlib import Path
 
 from nerfstudio.plugins.registry_dataparser import DataParserSpecification
 
+from desplat_ns.core.options import ranged
 from desplat_ns.data.colmap import DeSplatColmapDataParser, OwnSplitConfig
 from desplat_ns.data.splits import Lists, shuffled
-from desplat_ns.settings.options import ranged
 
 
 @dataclass

@@ -14,7 +14,7 @@ from hashlib import blake2b
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from desplat_ns.console import announce_once, list_names
+from desplat_ns.core.console import announce_once, list_names
 
 Lists = Mapping[str, Sequence[str]]
 """Photos by split (train, val, test): paths inside the images folder, or file names. Without val

@@ -16,7 +16,8 @@ from jaxtyping import Float
 from nerfstudio.cameras.cameras import CameraType
 from nerfstudio.data.dataparsers.nerfstudio_dataparser import NerfstudioDataParserConfig
 
-from desplat_ns.console import announce_once
+from desplat_ns.core.console import announce_once
+from desplat_ns.core.errors import CaptureError
 from desplat_ns.data.colmap import DeSplatColmapDataParser, with_pycolmap
 from desplat_ns.data.colmap_model import UNEXPECTED
 from desplat_ns.data.images import image_size
@@ -28,7 +29,6 @@ from desplat_ns.data.reconstruction import (
     check_frame,
     read_reconstruction,
 )
-from desplat_ns.errors import CaptureError
 
 _OLD_WORLD = np.array([[0, 1, 0, 0], [1, 0, 0, 0], [0, 0, -1, 0]])
 """From COLMAP's world to that of an old ns-process-data, which did not write it."""

@@ -8,8 +8,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from desplat_ns.settings.options import ranged
-from desplat_ns.training.schedule import NominalStep
+from desplat_ns.core.options import ranged
+from desplat_ns.core.schedule import NominalStep
 
 DEPTH = 0.02
 """Distance from the camera at the start, world units, whatever the scene's scale: distractors are

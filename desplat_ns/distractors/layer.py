@@ -13,7 +13,9 @@ from nerfstudio.models.splatfacto import SplatfactoModelConfig
 from torch import Tensor
 
 from desplat_ns.backend.protocol import Rendering, Splats, View
-from desplat_ns.console import announce_once
+from desplat_ns.core.console import announce_once
+from desplat_ns.core.effects import BackgroundGrade
+from desplat_ns.core.schedule import NominalStep, RunStep
 from desplat_ns.distractors.config import DistractorConfig, rates_at
 from desplat_ns.distractors.placement import FEW_VIEWS, about_few_views, placement
 from desplat_ns.distractors.refinement import DistractorDensifier, strategy_info
@@ -35,8 +37,6 @@ from desplat_ns.separation.decide import (
 from desplat_ns.separation.grid import region_pixels
 from desplat_ns.separation.residuals import LEAST_VIEWS, USUAL, usual_residuals
 from desplat_ns.separation.sweep import PlaneSweep, photo_to_sweep
-from desplat_ns.settings.effects import BackgroundGrade
-from desplat_ns.training.schedule import NominalStep, RunStep
 
 STOP_PLACING_AT = 27_000
 """Nominal step from which none is placed or removed for its place any more."""

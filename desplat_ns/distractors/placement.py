@@ -14,9 +14,9 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from desplat_ns.backend.protocol import View
+from desplat_ns.cameras.views import image_points
 from desplat_ns.distractors.config import DistractorConfig
 from desplat_ns.distractors.sets import distractors_at
-from desplat_ns.rendering.views import image_points
 from desplat_ns.separation.grid import (
     grid_of,
     masks_to_host,

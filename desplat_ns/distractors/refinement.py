@@ -15,6 +15,7 @@ from nerfstudio.models.splatfacto import SplatfactoModelConfig
 from torch import Tensor
 
 from desplat_ns.backend.protocol import Rendering, View
+from desplat_ns.core.schedule import SPLATFACTOS_INTERVAL, NominalStep
 from desplat_ns.distractors.config import (
     CULL_ALPHA,
     DEPTH,
@@ -24,7 +25,6 @@ from desplat_ns.distractors.config import (
 from desplat_ns.distractors.sets import ViewDistractors
 from desplat_ns.gaussians.activation import RawParameters
 from desplat_ns.gaussians.strategy import UNLIMITED, prune, refine, sample
-from desplat_ns.training.schedule import SPLATFACTOS_INTERVAL, NominalStep
 
 GROW_GRAD = 6.0
 """By pixels, distractors are cloned or split where a shift by one pixel changes the loss, summed

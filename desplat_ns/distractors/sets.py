@@ -13,10 +13,10 @@ from torch import Tensor, nn
 from torch.optim import Optimizer
 
 from desplat_ns.backend.protocol import View
+from desplat_ns.cameras.views import views_of
+from desplat_ns.core.optimizers import adam
+from desplat_ns.core.options import check_ranges
 from desplat_ns.distractors.config import DEPTH, DistractorConfig
-from desplat_ns.rendering.views import views_of
-from desplat_ns.settings.options import check_ranges
-from desplat_ns.training.optimizers import adam
 
 PARAMETER_NAMES = ("means", "scales", "quats", "rgbs", "opacities")
 """Raw values, under the names that gsplat's strategy reads: scales are logarithms, opacities

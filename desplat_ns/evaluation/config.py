@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from desplat_ns.settings.options import ranged
+from desplat_ns.core.options import LpipsNet, ranged
 
 FIGURES = {
     "psnr": "PSNR {:.2f} dB",
@@ -16,9 +16,6 @@ FIGURES = {
 }
 
 ProtocolName = Literal["auto", "half", "full", "right"]
-
-LpipsNet = Literal["alex", "vgg"]
-"""Networks of torchmetrics' LPIPS, as it calls them; Splatfacto has alex."""
 
 
 def in_words(figures: Mapping[str, Any]) -> str:

@@ -18,16 +18,16 @@ from nerfstudio.cameras.cameras import Cameras
 from torch import Tensor, nn
 
 import desplat_ns
-from desplat_ns.console import progress_over
+from desplat_ns.cameras.views import is_distorted
+from desplat_ns.core.console import progress_over
+from desplat_ns.core.errors import CaptureError, ConfigError, DeSplatError
+from desplat_ns.core.options import check_ranges
 from desplat_ns.data.gt_masks import read_gt_mask
 from desplat_ns.distractors.sets import DistractorGaussians
-from desplat_ns.errors import CaptureError, ConfigError, DeSplatError
 from desplat_ns.evaluation.config import EvaluationConfig
 from desplat_ns.evaluation.halves import embedding_from_left_half, right_half
+from desplat_ns.metrics import mask_iou, mean_alpha_outside
 from desplat_ns.model import DeSplatModel
-from desplat_ns.rendering.metrics import mask_iou, mean_alpha_outside
-from desplat_ns.rendering.views import is_distorted
-from desplat_ns.settings.options import check_ranges
 
 Image = tuple[Cameras, dict[str, Any]]
 """A camera and its photo, as nerfstudio's datamanager gives them."""

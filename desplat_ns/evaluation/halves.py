@@ -15,14 +15,14 @@ from torch import Tensor
 
 from desplat_ns.backend.accumulated_weights import accumulated_weights
 from desplat_ns.backend.protocol import View
+from desplat_ns.cameras.views import reduced, view_of
 from desplat_ns.evaluation.config import EvaluationConfig
 from desplat_ns.gaussians.activation import activate_static
+from desplat_ns.layers import over_background
 from desplat_ns.losses import photometric_losses
 from desplat_ns.model import DeSplatModel
 from desplat_ns.photo_tourism.camera_response import fit_response, squared_radius
 from desplat_ns.photo_tourism.image_effects import FEATURES
-from desplat_ns.rendering.layers import over_background
-from desplat_ns.rendering.views import reduced, view_of
 
 FITTED_PIXELS = 100_000
 """Pixels of which a photo's light is found: a few numbers need no more. Of a larger photo the

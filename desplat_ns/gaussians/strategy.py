@@ -18,8 +18,8 @@ from gsplat.strategy.ops import reset_opa
 from torch import Tensor, nn
 from torch.optim import Optimizer
 
+from desplat_ns.core.schedule import NominalStep
 from desplat_ns.gaussians.activation import RawParameters
-from desplat_ns.training.schedule import NominalStep
 
 UNLIMITED = 2**62
 """A step that no training reaches, and a number of Gaussians that no set has."""

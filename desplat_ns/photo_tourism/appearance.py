@@ -18,8 +18,8 @@ from desplat_ns.backend.inputs import finite_colors
 from desplat_ns.backend.projection import cut_at_zero, uncut_colors
 from desplat_ns.backend.protocol import Splats, View
 from desplat_ns.backend.spherical_harmonics import C0
+from desplat_ns.cameras.in_view import in_view
 from desplat_ns.photo_tourism.config import AppearanceConfig
-from desplat_ns.rendering.in_view import in_view
 
 ROWS_AT_ONCE = {"cpu": 2048, "cuda": 65536}
 """Gaussians that pass through the network together: layers of 128 units that stay in a core's cache

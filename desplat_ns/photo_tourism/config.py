@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from desplat_ns.settings.options import ranged
+from desplat_ns.core.options import ranged
 
 
 @dataclass

@@ -10,6 +10,8 @@ from torch import Tensor, nn
 
 from desplat_ns.backend.protocol import Splats, View
 from desplat_ns.backend.spherical_harmonics import C0
+from desplat_ns.core.effects import Effects
+from desplat_ns.core.options import check_ranges
 from desplat_ns.photo_tourism.appearance import AffineAppearance, ShAppearance, as_harmonics
 from desplat_ns.photo_tourism.background import Background, SharedBackground, background_image
 from desplat_ns.photo_tourism.camera_response import (
@@ -19,8 +21,6 @@ from desplat_ns.photo_tourism.camera_response import (
     squared_radius,
 )
 from desplat_ns.photo_tourism.config import AppearanceConfig, BackgroundConfig
-from desplat_ns.settings.effects import Effects
-from desplat_ns.settings.options import check_ranges
 
 FEATURES = "appearance_features"
 """Name of z_i among the static Gaussians' parameters, where every split, clone and prune finds

@@ -13,8 +13,8 @@ from jaxtyping import Float
 from nerfstudio.viewer.viewer_elements import ViewerDropdown
 from torch import Tensor
 
-from desplat_ns.console import list_names
-from desplat_ns.errors import ConfigError
+from desplat_ns.core.console import list_names
+from desplat_ns.core.errors import ConfigError
 from desplat_ns.photo_tourism.image_effects import ImageEffects
 from desplat_ns.viewer import ViewerControl
 

@@ -27,10 +27,10 @@ from nerfstudio.cameras.cameras import Cameras
 from torch import Tensor
 
 from desplat_ns.backend.protocol import View
-from desplat_ns.console import about, announce
-from desplat_ns.rendering.near_plane import sampled
-from desplat_ns.rendering.view_pairs import homographies, lower_median, views_beside
-from desplat_ns.rendering.views import image_points, in_image, views_of
+from desplat_ns.cameras.near_plane import sampled
+from desplat_ns.cameras.view_pairs import homographies, lower_median, views_beside
+from desplat_ns.cameras.views import image_points, in_image, views_of
+from desplat_ns.core.console import about, announce
 from desplat_ns.separation.grid import fine_grid_of, pooled, to_device
 
 MAX_POINTS = 3000

@@ -19,7 +19,7 @@ from jaxtyping import Bool, Float, Int, UInt8
 from nerfstudio.cameras.cameras import Cameras, CameraType
 from nerfstudio.data.dataparsers.base_dataparser import DataparserOutputs
 
-from desplat_ns.cores import cores
+from desplat_ns.core.cores import cores
 from desplat_ns.data.dataset import CaptureDataset
 from desplat_ns.data.images import resize_image, resize_mask
 from desplat_ns.data.reconstruction import TRACKS

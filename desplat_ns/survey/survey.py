@@ -11,9 +11,9 @@ from jaxtyping import Bool, Float, UInt8
 from nerfstudio.data.dataparsers.base_dataparser import DataparserOutputs
 from PIL import Image, ImageDraw, ImageOps
 
-from desplat_ns.console import announce, list_names
-from desplat_ns.errors import CaptureError
-from desplat_ns.settings.effects import Effects, EffectsConfig
+from desplat_ns.core.console import announce, list_names
+from desplat_ns.core.effects import Effects, EffectsConfig
+from desplat_ns.core.errors import CaptureError
 from desplat_ns.survey.appearance import (
     LOCAL_STEP,
     appearance_finding,

@@ -1,1 +1,1 @@
-"""What a run is made of: schedules, optimizers that skip unsound steps, checkpoints, resume."""
+"""A run: nerfstudio's trainer, pipeline and data manager, resuming, the guard, the clock."""

@@ -6,7 +6,7 @@ from __future__ import annotations
 from math import exp, sqrt
 from typing import Any
 
-from desplat_ns.training.schedule import RunStep, Schedule
+from desplat_ns.core.schedule import RunStep, Schedule
 
 TIMED_FROM = 100
 """Steps of a run from which on trial steps are worth their time."""

@@ -11,7 +11,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from desplat_ns.errors import CheckpointError
+from desplat_ns.core.errors import CheckpointError
 
 POSE_TOLERANCE = 1e-4
 """Of the scene's size: a tenth of a pixel in a photo of 1000. Processors round by less: poses are

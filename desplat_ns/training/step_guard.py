@@ -18,8 +18,8 @@ from torch import Tensor, nn
 from torch.cuda.amp.grad_scaler import GradScaler
 from torch.optim import Optimizer
 
-from desplat_ns.console import announce
-from desplat_ns.errors import TrainingError
+from desplat_ns.core.console import announce
+from desplat_ns.core.errors import TrainingError
 
 MOST_SKIPPED = 10
 """A run stops after this number of skipped steps one after the other: no photo is learned then."""

@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 
 import torch
 
-from desplat_ns.files.whole import write_whole
-from desplat_ns.settings.effects import Effects
+from desplat_ns.core.effects import Effects
+from desplat_ns.core.whole import write_whole
 from lab import OUTPUTS, markdown_table, parser_of
 from lab.bench.drawing import (
     DIALS,

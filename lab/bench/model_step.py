@@ -10,12 +10,12 @@ from nerfstudio.data.scene_box import SceneBox
 from nerfstudio.engine.optimizers import Optimizers
 
 from desplat_ns.backend.registry import BackendName
+from desplat_ns.core.effects import Effects, EffectsConfig
+from desplat_ns.core.optimizers import FusedAdamConfig
 from desplat_ns.distractors.config import DistractorConfig
 from desplat_ns.distractors.sets import ViewDistractors, fill_view
 from desplat_ns.model import DeSplatModel
 from desplat_ns.model_config import DeSplatModelConfig
-from desplat_ns.settings.effects import Effects, EffectsConfig
-from desplat_ns.training.optimizers import FusedAdamConfig
 from lab.bench.scenes import Scene
 
 LATE = 20_000

@@ -21,7 +21,7 @@ import torch
 
 from desplat_ns.backend import numba_tiles
 from desplat_ns.backend.numba_kernels import binning, projection, runtime, sh, ssim
-from desplat_ns.settings.effects import Effects
+from desplat_ns.core.effects import Effects
 from lab import markdown_table
 from lab.bench.model_step import ModelStep
 from lab.bench.scenes import make_scene

@@ -17,14 +17,14 @@ from nerfstudio.plugins.types import MethodSpecification
 from PIL import Image
 from torch import Tensor
 
+from desplat_ns.core.effects import EffectsConfig
+from desplat_ns.core.errors import CaptureError
 from desplat_ns.data.gt_masks import METADATA_KEY, read_gt_mask
 from desplat_ns.data.robustnerf import kind_of
-from desplat_ns.errors import CaptureError
 from desplat_ns.losses import photometric_losses
 from desplat_ns.method_configs import desplat
 from desplat_ns.model import DeSplatModel
 from desplat_ns.model_config import DeSplatModelConfig
-from desplat_ns.settings.effects import EffectsConfig
 
 SHADOWS_PREFIX = "shadow_"
 """The folder of shadow masks stands beside that of the masks; before its name there is this."""

@@ -19,7 +19,7 @@ import numpy as np
 import PIL.Image  # noqa: F401  before pycolmap, see lab.synthetic.layouts
 import pycolmap
 
-from desplat_ns.studies.paper import TABLES, TableName
+from desplat_ns.tools.studies.paper import TABLES, TableName
 from lab.pictures import write_image
 from lab.synthetic import Frame, Scene, SceneSpec, make_scene
 from lab.synthetic.layouts import RegisteredPhoto, register, write_reconstruction

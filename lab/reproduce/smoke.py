@@ -18,12 +18,12 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
-from desplat_ns.console import announce, time_in_words
-from desplat_ns.studies.paper import METHODS, TABLES, TableName
-from desplat_ns.studies.records import Record
-from desplat_ns.studies.reproduce import Smoke, reproduce
-from desplat_ns.studies.runs import LOG, PICTURES, RESULTS, Executor, Run, execute
-from desplat_ns.studies.train_and_score import train_and_score
+from desplat_ns.core.console import announce, time_in_words
+from desplat_ns.tools.studies.paper import METHODS, TABLES, TableName
+from desplat_ns.tools.studies.records import Record
+from desplat_ns.tools.studies.reproduce import Smoke, reproduce
+from desplat_ns.tools.studies.runs import LOG, PICTURES, RESULTS, Executor, Run, execute
+from desplat_ns.tools.studies.train_and_score import train_and_score
 from lab.reproduce.data_sets import write_data_sets
 
 FOLDER = Path("outputs/smoke")

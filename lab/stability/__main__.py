@@ -14,7 +14,7 @@ from collections.abc import Callable, Sequence
 
 import torch
 
-from desplat_ns.files.whole import write_whole
+from desplat_ns.core.whole import write_whole
 from lab import OUTPUTS, parser_of
 from lab.machine import describe_machine
 from lab.stability import catalogue, kills, mutations, soak

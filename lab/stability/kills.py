@@ -26,16 +26,16 @@ from nerfstudio.scripts import train
 from nerfstudio.utils import writer
 from torch.utils._pytree import tree_flatten
 
-from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
-from desplat_ns.distractors.config import DistractorConfig
-from desplat_ns.settings.effects import EffectsConfig
-from desplat_ns.trainer import DeSplatTrainer
-from desplat_ns.training.checkpoint import (
+from desplat_ns.core.checkpoint import (
     STAGING_FOLDER,
     checkpoints_in,
     load_checkpoint,
     step_of,
 )
+from desplat_ns.core.effects import EffectsConfig
+from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
+from desplat_ns.distractors.config import DistractorConfig
+from desplat_ns.training.trainer import DeSplatTrainer
 from lab import CHECKOUT
 from lab.synthetic import SceneSpec, write_scene
 

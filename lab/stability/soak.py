@@ -44,7 +44,7 @@ def soaked(steps: int) -> list[Sample]:
     """Train, and look at the process every 500 steps."""
     from nerfstudio.scripts import train  # these take seconds: not for `--help`
 
-    from desplat_ns.trainer import DeSplatTrainer
+    from desplat_ns.training.trainer import DeSplatTrainer
     from lab.stability.kills import configured
     from lab.synthetic import SceneSpec, write_scene
 

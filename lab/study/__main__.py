@@ -20,11 +20,11 @@ from fnmatch import fnmatch
 from pathlib import Path
 from statistics import median
 
-from desplat_ns.errors import DeSplatError
-from desplat_ns.files.whole import only_process_in
-from desplat_ns.studies.machine import short, today
-from desplat_ns.studies.records import Key, Record, load
-from desplat_ns.studies.runs import Executor, Run, execute
+from desplat_ns.core.errors import DeSplatError
+from desplat_ns.core.whole import only_process_in
+from desplat_ns.tools.studies.machine import short, today
+from desplat_ns.tools.studies.records import Key, Record, load
+from desplat_ns.tools.studies.runs import Executor, Run, execute
 from lab import OUTPUTS, RECORDS, markdown_table, parser_of
 from lab.study.captures import CAPTURES
 from lab.study.variants import GROUPS, SEEDS, VARIANTS, Wanted, run_of

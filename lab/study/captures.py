@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from desplat_ns.errors import DeSplatError
+from desplat_ns.core.errors import DeSplatError
 from lab.separation.few_views import keep_views
 from lab.separation.hard_cases import CASES, RECURRING, make_case
 from lab.synthetic import SceneSpec, write_scene

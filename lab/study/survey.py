@@ -18,11 +18,11 @@ from pathlib import Path
 
 from nerfstudio.data.dataparsers.base_dataparser import DataparserOutputs
 
-from desplat_ns.errors import DeSplatError
-from desplat_ns.studies.machine import code_version, processor, short, today
-from desplat_ns.studies.methods import splits_of
+from desplat_ns.core.errors import DeSplatError
 from desplat_ns.survey.findings import Decision
 from desplat_ns.survey.survey import survey
+from desplat_ns.tools.studies.machine import code_version, processor, short, today
+from desplat_ns.tools.studies.methods import splits_of
 from lab import OUTPUTS, markdown_table, parser_of
 from lab.study.captures import CAPTURES, HARD, PASTED, PLACES, TWINS, made
 from lab.synthetic import DaylightSpec, OccluderSpec, SceneSpec, write_scene

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from desplat_ns.studies.runs import Run
+from desplat_ns.tools.studies.runs import Run
 from lab.study.captures import CAPTURES, CHOSEN, HARD, KEPT_OUT, TWINS
 
 SEEDS = (42, 43, 44)

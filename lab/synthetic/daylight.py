@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, UInt8
 
-from desplat_ns.errors import ConfigError
+from desplat_ns.core.errors import ConfigError
 from lab.synthetic.cameras import PinholeCamera
 from lab.synthetic.render import AMBIENT, DIRECT, SUN, Samples, Sun, to_pixels, to_uint8
 from lab.synthetic.textures import Color, f32

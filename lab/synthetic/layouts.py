@@ -12,7 +12,7 @@ import PIL.Image  # noqa: F401  pycolmap 4.2.1 must not be imported before PIL: 
 import pycolmap
 from jaxtyping import Float, Int, UInt8
 
-from desplat_ns.errors import ConfigError
+from desplat_ns.core.errors import ConfigError
 from lab.pictures import write_image
 from lab.synthetic.cameras import PinholeCamera
 from lab.synthetic.scene import Frame, Scene, make_scene

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from desplat_ns.errors import ConfigError
+from desplat_ns.core.errors import ConfigError
 from lab.synthetic.cameras import PinholeCamera
 from lab.synthetic.primitives import Box, Capsule, Primitive, Sphere
 from lab.synthetic.textures import Checker, Color, Dots, Grained, Plain, Stripes, Texture

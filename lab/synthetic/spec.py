@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from desplat_ns.errors import ConfigError
+from desplat_ns.core.errors import ConfigError
 from lab.synthetic.daylight import DaylightSpec
 from lab.synthetic.occluders import OccluderSpec
 from lab.synthetic.places import PLACES

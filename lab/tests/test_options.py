@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from desplat_ns.data.colmap import OwnSplitConfig
+from desplat_ns.data.layouts import DeSplatDataParserConfig
 from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
-from desplat_ns.layouts.dataparser import DeSplatDataParserConfig
 from desplat_ns.method_configs import desplat
 from lab import options
 

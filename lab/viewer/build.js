@@ -1,9 +1,9 @@
-// Bundles what draws a scene in a page, and writes it to desplat_ns/scene/viewer.
+// Bundles what draws a scene in a page, and writes it to desplat_ns/tools/scene/viewer.
 import { readFileSync, writeFileSync } from "node:fs";
 import { gzipSync } from "node:zlib";
 import { build } from "esbuild";
 
-const output = new URL("../../desplat_ns/scene/viewer/", import.meta.url);
+const output = new URL("../../desplat_ns/tools/scene/viewer/", import.meta.url);
 const modules = new URL("node_modules/", import.meta.url);
 let wasm;
 

@@ -15,7 +15,7 @@ import torch
 
 from desplat_ns.backend import RenderSettings, gsplat_cuda
 from desplat_ns.backend.gsplat_cuda import GsplatRasterizer
-from desplat_ns.errors import BackendUnavailableError
+from desplat_ns.core.errors import BackendUnavailableError
 from tests.backend.reference import sh_colors
 from tests.backend.scenes import TestScene, random_scene
 

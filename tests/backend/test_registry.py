@@ -8,7 +8,7 @@ import torch
 
 from desplat_ns.backend import compile_kernels, registry, resolve
 from desplat_ns.backend.numba_kernels import runtime
-from desplat_ns.errors import BackendUnavailableError
+from desplat_ns.core.errors import BackendUnavailableError
 
 KERNELS = "desplat_ns.backend.gsplat_build.unavailable_reason"
 

@@ -13,9 +13,9 @@ import torch
 from nerfstudio.data.dataparsers.colmap_dataparser import ColmapDataParserConfig
 from scipy.spatial import KDTree
 
+from desplat_ns.core.errors import CaptureError, ConfigError
 from desplat_ns.data.colmap import DeSplatColmapDataParserConfig, with_pycolmap
 from desplat_ns.data.reconstruction import TRACKS
-from desplat_ns.errors import CaptureError, ConfigError
 
 CAMERA_FIELDS = (
     "camera_to_worlds",

@@ -9,9 +9,9 @@ import pytest
 import torch
 from PIL import Image
 
+from desplat_ns.core.errors import CaptureError
 from desplat_ns.data.colmap import DeSplatColmapDataParserConfig
 from desplat_ns.data.dataset import CaptureDataset, check_size
-from desplat_ns.errors import CaptureError
 
 CAMERAS = ("1 PINHOLE 8 6 10 10 4 3", "2 PINHOLE 12 4 10 10 6 2", "3 PINHOLE 8 6 10 10 4 3")
 

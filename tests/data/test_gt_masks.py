@@ -9,8 +9,8 @@ import pytest
 import torch
 from PIL import Image
 
+from desplat_ns.core.errors import CaptureError
 from desplat_ns.data.gt_masks import read_gt_mask
-from desplat_ns.errors import CaptureError
 from tests.helpers.masks import HEIGHT, WIDTH, write_mask
 
 

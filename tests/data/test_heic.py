@@ -10,8 +10,8 @@ import pytest
 from PIL import Image
 from PIL.TiffImagePlugin import IFDRational
 
+from desplat_ns.core.errors import CaptureError
 from desplat_ns.data.images import image_size, lens_of, read_image
-from desplat_ns.errors import CaptureError
 
 MAKE, ORIENTATION, EXIF, FOCAL, FOCAL_35 = 0x010F, 0x0112, 0x8769, 0x920A, 0xA405
 

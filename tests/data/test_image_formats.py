@@ -14,9 +14,9 @@ import pytest
 from PIL import Image
 from PIL.TiffImagePlugin import IFDRational
 
+from desplat_ns.core.errors import CaptureError
 from desplat_ns.data.images import image_size, lens_of, read_image, read_mask
 from desplat_ns.data.photo_files import begin_folder
-from desplat_ns.errors import CaptureError
 
 FORMATS = oiio.get_string_attribute("format_list").split(",")
 CODES = np.random.default_rng(0).integers(0, 256, (6, 8, 4), dtype=np.uint8)

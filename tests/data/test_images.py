@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from desplat_ns.core.errors import CaptureError
 from desplat_ns.data import images
 from desplat_ns.data.images import (
     image_size,
@@ -19,7 +20,6 @@ from desplat_ns.data.images import (
     read_mask,
     resize_image,
 )
-from desplat_ns.errors import CaptureError
 
 
 def noise(height: int, width: int, channels: int = 3, seed: int = 0) -> np.ndarray:

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from desplat_ns.core.errors import CaptureError
 from desplat_ns.data.on_the_go import OnTheGoDataParserConfig, ordered_names
-from desplat_ns.errors import CaptureError
 
 NAMES = ("2clutter_b.png", "1extra_a.png", "2clutter_a.png", "0clean_a.png")
 SPLIT = {"clean": [0], "extra": [1], "clutter": [2, 3]}

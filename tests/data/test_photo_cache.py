@@ -8,8 +8,8 @@ from collections.abc import Iterable
 
 import pytest
 
+from desplat_ns.core.errors import CaptureError
 from desplat_ns.data.photo_cache import AHEAD, BoundedPhotos, Photo
-from desplat_ns.errors import CaptureError
 
 SECONDS = 30
 """After which a thread that did not do something is taken not to do it."""

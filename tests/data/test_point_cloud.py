@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from desplat_ns.core.errors import CaptureError
 from desplat_ns.data.point_cloud import distinct, read_cloud
-from desplat_ns.errors import CaptureError
 
 XYZ = np.array([[4649776.25, 1.5, -2], [4649777.125, 3, 4], [4649778, -5, 6.75]])
 RGB = np.array([[7, 8, 9], [200, 100, 50], [255, 0, 128]])

@@ -11,11 +11,11 @@ import pytest
 import torch
 from nerfstudio.cameras.cameras import CameraType
 
+from desplat_ns.core.errors import CaptureError
 from desplat_ns.data.photo_files import check_files
 from desplat_ns.data.point_cloud import Points
 from desplat_ns.data.poses import OrientedPoses, points_metadata, without_far_photos
 from desplat_ns.data.reconstruction import TRACKS, Frame, Reconstruction, check_frame
-from desplat_ns.errors import CaptureError
 
 IMPOSSIBLE = (
     {"fx": np.nan}, {"fy": 0.0}, {"fx": -1.0}, {"cx": np.inf}, {"cy": 1e9}, {"width": 0},

@@ -17,12 +17,12 @@ import pycolmap
 import pytest
 from nerfstudio.cameras.cameras import CameraType
 
+from desplat_ns.core.errors import CaptureError
 from desplat_ns.data import reconstruction
 from desplat_ns.data.colmap import DeSplatColmapDataParserConfig
 from desplat_ns.data.colmap_model import find_models
 from desplat_ns.data.reconstruction import TRACKS, Tracks, read_reconstruction
 from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
-from desplat_ns.errors import CaptureError
 
 SPARSE = Path("sparse")
 

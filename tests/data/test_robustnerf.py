@@ -10,13 +10,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
 
+from desplat_ns.core.errors import CaptureError, ConfigError
 from desplat_ns.data.robustnerf import (
     RobustNerfDataParserConfig,
     kind_of,
     names_by_ratio,
     viewpoint_of,
 )
-from desplat_ns.errors import CaptureError, ConfigError
 
 NAMES = [f"{kind}_{i:04d}.jpg" for kind in ("clean", "clutter") for i in range(10)]
 NAMES += ["extra_0001.jpg", "extra_0002.jpg"]

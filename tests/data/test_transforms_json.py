@@ -12,9 +12,9 @@ import torch
 from nerfstudio.cameras.cameras import CameraType
 from nerfstudio.data.dataparsers.nerfstudio_dataparser import NerfstudioDataParserConfig
 
+from desplat_ns.core.errors import CaptureError
 from desplat_ns.data.dataset import CaptureDataset, PhotoReader
 from desplat_ns.data.transforms_json import TransformsDataParser
-from desplat_ns.errors import CaptureError
 
 
 @pytest.fixture

@@ -15,6 +15,7 @@ from nerfstudio.data.datamanagers.full_images_datamanager import (
 )
 
 from desplat_ns.backend.protocol import Rendering, View
+from desplat_ns.core.schedule import NominalStep, RunStep, Schedule
 from desplat_ns.distractors import layer
 from desplat_ns.distractors.config import DistractorConfig
 from desplat_ns.distractors.layer import DistractorLayer, TrainStep
@@ -23,7 +24,6 @@ from desplat_ns.model import DeSplatModel
 from desplat_ns.model_config import DeSplatModelConfig
 from desplat_ns.separation import decide
 from desplat_ns.separation.decide import Comparison, StaticView
-from desplat_ns.training.schedule import NominalStep, RunStep, Schedule
 from tests.helpers.small_model import NUM_VIEWS, Trainer, make_model
 from tests.helpers.well_known_scene import WellKnownScene, cameras, nothing_drawn, the_view
 

@@ -9,10 +9,10 @@ from nerfstudio.cameras.cameras import Cameras
 from nerfstudio.models.splatfacto import SplatfactoModelConfig
 
 from desplat_ns.backend.protocol import Rendering, View
+from desplat_ns.core.schedule import NominalStep
 from desplat_ns.distractors.config import DEPTH, DistractorConfig
 from desplat_ns.distractors.refinement import GROW_GRAD, DistractorDensifier, strategy_info
 from desplat_ns.distractors.sets import DistractorGaussians
-from desplat_ns.training.schedule import NominalStep
 
 VIEW = View(torch.eye(4), torch.eye(3), width=200, height=100)
 STATIC = SplatfactoModelConfig(warmup_length=10, densify_grad_thresh=0.5)

@@ -5,10 +5,10 @@ import torch
 from nerfstudio.cameras.cameras import Cameras
 
 from desplat_ns.backend.constants import NEAR_PLANE
+from desplat_ns.cameras.views import view_of
 from desplat_ns.distractors.config import DistractorConfig, rates_at
 from desplat_ns.distractors.sets import DistractorGaussians
 from desplat_ns.gaussians.activation import keep_colors_in_range
-from desplat_ns.rendering.views import view_of
 from tests.helpers.stub_run import assert_same
 
 

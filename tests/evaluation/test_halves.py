@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 import torch
 
-from desplat_ns.errors import ConfigError
+from desplat_ns.core.errors import ConfigError
 from desplat_ns.evaluation import evaluate as module
 from desplat_ns.evaluation import halves
 from desplat_ns.evaluation.config import EvaluationConfig

@@ -8,9 +8,9 @@ from gsplat.strategy import DefaultStrategy
 from torch import nn
 
 from desplat_ns.backend.protocol import Rendering, View
+from desplat_ns.core.schedule import NominalStep
 from desplat_ns.distractors.refinement import strategy_info
 from desplat_ns.gaussians.strategy import UNLIMITED, StaticStrategy, sample
-from desplat_ns.training.schedule import NominalStep
 
 VIEW = View(torch.eye(4), torch.eye(3), width=20, height=10)
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from desplat_ns.studies.machine import code_version
-from desplat_ns.studies.records import Record
-from desplat_ns.studies.runs import Run
+from desplat_ns.tools.studies.machine import code_version
+from desplat_ns.tools.studies.records import Record
+from desplat_ns.tools.studies.runs import Run
 
 CODE = code_version()
 

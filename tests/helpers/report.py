@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from desplat_ns.files.pages import Picture
-from desplat_ns.report.notices import Notice
-from desplat_ns.report.page import Contents, EffectReason
-from desplat_ns.report.pictures import Photo
+from desplat_ns.core.pages import Picture
+from desplat_ns.tools.report.notices import Notice
+from desplat_ns.tools.report.page import Contents, EffectReason
+from desplat_ns.tools.report.pictures import Photo
 
 
 def noise(seed: int, width: int = 48, height: int = 32) -> np.ndarray:

@@ -10,8 +10,8 @@ import torch
 
 from desplat_ns.backend.protocol import View
 from desplat_ns.backend.spherical_harmonics import C0
-from desplat_ns.export.splat_cloud import SplatCloud
-from desplat_ns.scene.gather import Contents, Light, PageCamera
+from desplat_ns.tools.export.splat_cloud import SplatCloud
+from desplat_ns.tools.scene.gather import Contents, Light, PageCamera
 from tests.helpers import splat_files
 
 WIDTH, HEIGHT = 200, 150

@@ -8,11 +8,11 @@ import torch
 from nerfstudio.cameras.cameras import Cameras
 from nerfstudio.data.scene_box import SceneBox
 
+from desplat_ns.core.effects import EffectsConfig
 from desplat_ns.distractors.config import DistractorConfig
 from desplat_ns.model import DeSplatModel
 from desplat_ns.model_config import DeSplatModelConfig
 from desplat_ns.photo_tourism.config import AppearanceConfig
-from desplat_ns.settings.effects import EffectsConfig
 
 WIDTH, HEIGHT, NUM_VIEWS = 24, 20, 3
 

@@ -16,7 +16,7 @@ import torch
 from desplat_ns.backend import projection
 from desplat_ns.backend.protocol import RenderSettings, Splats, View
 from desplat_ns.backend.torch_tiles import TorchRasterizer
-from desplat_ns.export.splat_cloud import SplatCloud
+from desplat_ns.tools.export.splat_cloud import SplatCloud
 
 DTYPES = {5121: np.uint8, 5126: np.float32}
 WIDTHS = {"SCALAR": 1, "VEC3": 3, "VEC4": 4}

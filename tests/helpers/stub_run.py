@@ -21,9 +21,9 @@ from nerfstudio.utils import writer
 from torch.nn import Parameter
 from torch.utils._pytree import keystr, tree_flatten_with_path
 
-from desplat_ns.settings.options import ranged
-from desplat_ns.trainer import DeSplatTrainerConfig
-from desplat_ns.training.schedule import Schedule
+from desplat_ns.core.options import ranged
+from desplat_ns.core.schedule import Schedule
+from desplat_ns.training.trainer import DeSplatTrainerConfig
 from tests.helpers import registered
 
 NOMINAL = 24

@@ -9,11 +9,11 @@ import torch
 from nerfstudio.cameras.cameras import Cameras
 
 from desplat_ns.backend.protocol import Rendering, View
+from desplat_ns.cameras.views import view_of
+from desplat_ns.core.schedule import NominalStep, RunStep
 from desplat_ns.distractors.layer import TrainStep
-from desplat_ns.rendering.views import view_of
 from desplat_ns.separation.decide import StaticView, Thresholds, apply_mask, compare, decide
 from desplat_ns.separation.residuals import USUAL, usual_residuals
-from desplat_ns.training.schedule import NominalStep, RunStep
 
 WIDTH, HEIGHT = 60, 40
 

@@ -13,8 +13,8 @@ import numpy as np
 import pycolmap
 from jaxtyping import Float, UInt8
 
-from desplat_ns.process.photos import Photo, group_by_camera, prepare_photos
-from desplat_ns.process.reconstruction import PLAIN, enter_photos, find_features
+from desplat_ns.tools.process.photos import Photo, group_by_camera, prepare_photos
+from desplat_ns.tools.process.reconstruction import PLAIN, enter_photos, find_features
 from lab.pictures import write_image
 from lab.process import distances
 from lab.synthetic import SceneSpec, make_scene

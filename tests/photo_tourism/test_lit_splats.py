@@ -10,9 +10,9 @@ import torch
 
 from desplat_ns.backend.protocol import RenderSettings, Splats, View
 from desplat_ns.backend.registry import resolve
+from desplat_ns.core.effects import Effects
 from desplat_ns.photo_tourism.config import AppearanceConfig, BackgroundConfig
 from desplat_ns.photo_tourism.image_effects import ImageEffects
-from desplat_ns.settings.effects import Effects
 
 NUM, FEATURES = 200, 12
 SETTINGS = RenderSettings()

@@ -3,11 +3,11 @@
 import pytest
 import torch
 
-from desplat_ns.errors import ConfigError
+from desplat_ns.core.effects import Effects
+from desplat_ns.core.errors import ConfigError
 from desplat_ns.photo_tourism.config import AppearanceConfig, BackgroundConfig
 from desplat_ns.photo_tourism.image_effects import ImageEffects
 from desplat_ns.photo_tourism.shown_light import VARIABLE, ShownLight, mixed_light
-from desplat_ns.settings.effects import Effects
 
 NAMES = ["a.jpg", "b:1.jpg", "c.jpg"]
 

@@ -8,11 +8,11 @@ import pytest
 import torch
 from nerfstudio.models.splatfacto import SplatfactoModelConfig
 
+from desplat_ns.core.effects import BackgroundGrade
 from desplat_ns.distractors.config import DistractorConfig
 from desplat_ns.distractors.layer import DistractorLayer
 from desplat_ns.distractors.sets import DistractorGaussians
 from desplat_ns.separation.residuals import USUAL
-from desplat_ns.settings.effects import BackgroundGrade
 from tests.helpers.well_known_scene import HEIGHT, WIDTH, WellKnownScene, cameras
 
 SKY = (slice(0, HEIGHT // 2), slice(0, WIDTH))

@@ -13,7 +13,7 @@ import pytest
 import torch
 from nerfstudio.cameras.cameras import Cameras
 
-from desplat_ns.rendering.views import views_of
+from desplat_ns.cameras.views import views_of
 from desplat_ns.separation import sweep
 from desplat_ns.separation.sweep import PlaneSweep, PosedPhoto, photo_to_sweep, unexplained
 

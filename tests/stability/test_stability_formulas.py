@@ -16,8 +16,8 @@ from desplat_ns.gaussians.activation import (
     clamp_colors,
     sigmoid,
 )
+from desplat_ns.layers import composite_alpha, over_background
 from desplat_ns.losses import photometric_losses
-from desplat_ns.rendering.layers import composite_alpha, over_background
 
 U = torch.finfo(torch.float32).eps / 2
 """The error of one rounding."""

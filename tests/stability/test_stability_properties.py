@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from torch import Tensor
 
 from desplat_ns.backend import RenderSettings
-from desplat_ns.rendering.layers import composite_alpha, over_background
+from desplat_ns.layers import composite_alpha, over_background
 from tests.backend.scenes import (
     EXACT_BACKENDS,
     PARAMETERS,

@@ -12,9 +12,9 @@ import PIL.Image
 import pytest
 from nerfstudio.data.dataparsers.base_dataparser import DataparserOutputs
 
+from desplat_ns.core.errors import CaptureError
 from desplat_ns.data.images import read_image
 from desplat_ns.data.reconstruction import TRACKS
-from desplat_ns.errors import CaptureError
 from desplat_ns.survey.survey import mismatch_of
 from lab.pictures import write_image
 from tests.helpers.surveyed import copied, points_of, some, survey, with_points

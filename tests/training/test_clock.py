@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
+from desplat_ns.core.schedule import RunStep, Schedule
 from desplat_ns.training.clock import ADDED, GAUSSIAN, LAYER, LOOK, Clock
-from desplat_ns.training.schedule import RunStep, Schedule
 
 SIZE, VIEWS, STEPS, START, WARMUP = 100_000, 40, 1_000, 5_000, 6_000
 FIXED, PIXEL = 0.02, 1e-6

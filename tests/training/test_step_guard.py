@@ -6,12 +6,12 @@ from typing import Any
 import pytest
 import torch
 
+from desplat_ns.core.checkpoint import checkpoints_in, load_checkpoint
+from desplat_ns.core.errors import TrainingError
+from desplat_ns.core.optimizers import FusedAdamConfig
 from desplat_ns.distractors.config import DistractorConfig
-from desplat_ns.errors import TrainingError
 from desplat_ns.model import DeSplatModel
 from desplat_ns.training import step_guard
-from desplat_ns.training.checkpoint import checkpoints_in, load_checkpoint
-from desplat_ns.training.optimizers import FusedAdamConfig
 from desplat_ns.training.step_guard import GuardedOptimizers, is_sound
 from tests.helpers.small_model import NUM_VIEWS, Trainer, make_model
 from tests.helpers.stub_run import assert_same, resumed, set_up, train

@@ -10,9 +10,9 @@ import pytest
 import torch
 from PIL import Image
 
+from desplat_ns.core.errors import CaptureError
 from desplat_ns.data.gt_masks import METADATA_KEY
-from desplat_ns.errors import CaptureError
-from desplat_ns.studies.methods import method_config, parse
+from desplat_ns.tools.studies.methods import method_config, parse
 from lab.reproduce.baselines import TRIMMED_SHARE, _any_pixel, _trimmed, mask_of, shadow_mask_of
 
 EFFECTS = "--pipeline.model.effects"

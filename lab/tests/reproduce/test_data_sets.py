@@ -8,11 +8,11 @@ from pathlib import Path
 import pytest
 from nerfstudio.data.dataparsers.base_dataparser import DataparserOutputs
 
-from desplat_ns.errors import CaptureError
-from desplat_ns.fetch.sources import SOURCES
-from desplat_ns.studies.methods import content_of
-from desplat_ns.studies.paper import TABLES, PaperScene, TableName
-from desplat_ns.studies.reproduce import (
+from desplat_ns.core.errors import CaptureError
+from desplat_ns.tools.fetch.sources import SOURCES
+from desplat_ns.tools.studies.methods import content_of
+from desplat_ns.tools.studies.paper import TABLES, PaperScene, TableName
+from desplat_ns.tools.studies.reproduce import (
     Smoke,
     find_contents,
     find_scenes,

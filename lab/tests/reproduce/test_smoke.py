@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from desplat_ns.studies.paper import METHODS, TABLES
-from desplat_ns.studies.records import FILE, Record, load
-from desplat_ns.studies.reproduce import Smoke, reproduce
-from desplat_ns.studies.runs import Executor, Run
+from desplat_ns.tools.studies.paper import METHODS, TABLES
+from desplat_ns.tools.studies.records import FILE, Record, load
+from desplat_ns.tools.studies.reproduce import Smoke, reproduce
+from desplat_ns.tools.studies.runs import Executor, Run
 from lab.reproduce.data_sets import TINY, write_on_the_go, write_robustnerf
 from lab.reproduce.smoke import GROUPS, here, missing_figures
 from lab.synthetic import make_scene

@@ -71,7 +71,7 @@ def test_what_fails_is_named_and_what_passes_is_not(tmp_path):
 
 
 def test_a_line_that_is_gone_is_said(monkeypatch):
-    gone = Mutation("gone", "errors.py", "no such line", "", "tests/test_errors.py")
+    gone = Mutation("gone", "errors.py", "no such line", "", "tests/core/test_errors.py")
     monkeypatch.setattr(mutations, "MUTATIONS", (gone,))
     text, is_kept = mutations.measured()
     assert "errors.py has no such line" in text and not is_kept

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from desplat_ns.studies.methods import parse
-from desplat_ns.studies.records import Record, load
-from desplat_ns.studies.runs import Run
+from desplat_ns.tools.studies.methods import parse
+from desplat_ns.tools.studies.records import Record, load
+from desplat_ns.tools.studies.runs import Run
 from lab.study import __main__ as study
 from lab.study.captures import CAPTURES, made
 from lab.study.survey import Surveyed, page

@@ -11,8 +11,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from desplat_ns.core.errors import ConfigError
 from desplat_ns.data.images import read_image
-from desplat_ns.errors import ConfigError
 from lab.synthetic import DaylightSpec, SceneSpec, make_scene, write_scene
 from lab.synthetic.daylight import apply_light
 from lab.synthetic.layouts import pycolmap

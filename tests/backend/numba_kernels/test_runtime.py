@@ -17,8 +17,8 @@ from desplat_ns.backend import RenderSettings, resolve
 from desplat_ns.backend.numba_kernels import binning, passes, projection, sh, ssim
 from desplat_ns.backend.numba_kernels import runtime as numba_runtime
 from desplat_ns.backend.numba_kernels.runtime import fma, kernel
+from desplat_ns.layers import over_background
 from desplat_ns.losses import photometric_losses
-from desplat_ns.rendering.layers import over_background
 from tests.backend.scenes import random_scene
 
 KERNELS = (binning, passes, projection, sh, ssim)

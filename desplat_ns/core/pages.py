@@ -1,0 +1,153 @@
+"""What the HTML pages share: templates, pictures and charts inside the page, figures in words.
+Pictures have 8-bit colours, layers over a checkerboard; they are made as small as the page's size
+asks for.
+
+Letters in shapes: H x W pixels.
+"""
+
+from __future__ import annotations
+
+import base64
+import io
+import re
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import jinja2
+import numpy as np
+from jaxtyping import Bool, Float, UInt8
+from PIL import Image
+
+from desplat_ns.core.console import time_in_words
+from desplat_ns.core.errors import ConfigError
+
+LADDER = ((1024, 80), (800, 70), (640, 60), (480, 55), (320, 50), (160, 40))
+"""Pixels of the longer side, at most, and WebP's quality: from what is best to what is smallest."""
+
+LARGEST_SIDE = LADDER[0][0]
+"""Pixels; no picture on a page is larger."""
+
+Shown: TypeAlias = (
+    UInt8[np.ndarray, "_ _ 3"]
+    | Float[np.ndarray, "_ _ 3"]
+    | Float[np.ndarray, "_ _ 1"]
+    | Bool[np.ndarray, "_ _ 1"]
+)
+"""Colours, or one channel to be shown in grey; floats and booleans run from 0 to 1."""
+
+
+def template(path: Path, **filters: Callable[..., Any]) -> jinja2.Template:
+    """A template that escapes what it is given, and fails where a name is unknown. Besides
+    `filters` it has `time`."""
+    environment = jinja2.Environment(
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    environment.filters |= {"time": time_in_words, **filters}
+    return environment.from_string(path.read_text("utf8"))
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A picture for the page."""
+
+    pixels: UInt8[np.ndarray, "H W 3"]
+    share: float = 1.0
+    """Of the side that pictures may have: a picture that is shown smaller needs fewer pixels."""
+
+    def address(self, side: int, quality: int) -> str:
+        """A data address that holds it as WebP, at most `side` pixels long where `share` is 1."""
+        buffer = io.BytesIO()
+        pixels = shrunk(self.pixels, max(1, round(side * self.share)))
+        Image.fromarray(pixels).save(buffer, "WEBP", quality=quality, method=2)
+        return f"data:image/webp;base64,{base64.b64encode(buffer.getvalue()).decode()}"
+
+
+def fitted_into(pictures: Sequence[Picture], budget: int) -> list[str]:
+    """The data addresses of pictures as WebP, as large and as good as a budget of bytes for all of
+    them allows. Raises ConfigError where there are too many even for the smallest size."""
+    for side, quality in LADDER:
+        sources, size = [], 0
+        for picture in pictures:
+            sources.append(picture.address(side, quality))
+            size += len(sources[-1])
+            if size > budget:
+                break
+        else:
+            return sources
+    raise ConfigError(
+        f"{len(pictures)} pictures do not fit into a page of {budget / 1e6:.3g} MB, however small "
+        "they are made. Ask for fewer: --training-photos 50 --held-out-photos 12."
+    )
+
+
+def shrunk(pixels: UInt8[np.ndarray, "H W 3"], side: int) -> UInt8[np.ndarray, "h w 3"]:
+    """A picture whose longer side has at most `side` pixels; never enlarged."""
+    image = Image.fromarray(pixels)
+    image.thumbnail((side, side), Image.Resampling.LANCZOS)
+    return np.asarray(image)
+
+
+def to_rgb8(picture: Shown) -> UInt8[np.ndarray, "H W 3"]:
+    """8-bit colours; floats are clipped to [0, 1] and rounded, NaN is black."""
+    values = np.asarray(picture)
+    if values.dtype != np.uint8:
+        scaled = np.nan_to_num(values.astype(np.float64))
+        values = np.round(np.clip(scaled, 0, 1) * 255).astype(np.uint8)
+        values = np.broadcast_to(values, (*values.shape[:2], 3)).copy()
+    return values
+
+
+def over_checkerboard(
+    rgb: Float[np.ndarray, "H W 3"], alpha: Float[np.ndarray, "H W 1"], size: int = 8
+) -> Float[np.ndarray, "H W 3"]:
+    """A layer (colours already weighted by alpha) over pale squares of `size` pixels: black and
+    white things can both be told from nothing at all."""
+    rows, columns = np.indices(alpha.shape[:2]) // size
+    squares = np.where((rows + columns) % 2 == 0, 0.92, 0.8)[..., None]
+    return (rgb + (1 - alpha) * squares).astype(rgb.dtype)
+
+
+@contextmanager
+def chart(name: str, size: tuple[float, float]) -> Iterator[Any]:
+    """Axes to draw on, and, before it is left, to save by `svg_of`. `name` keeps apart what charts
+    of one page refer to; `size` is in inches, letters have 10 points."""
+    import matplotlib
+    from matplotlib.figure import Figure
+
+    style: dict[Any, Any] = {"svg.fonttype": "none", "svg.hashsalt": name}
+    with matplotlib.rc_context({**style, "font.size": 10, "font.family": "sans-serif"}):
+        axes = Figure(figsize=size, layout="constrained").subplots()
+        axes.grid(True, which="major", alpha=0.25)
+        axes.spines[["top", "right"]].set_visible(False)
+        yield axes
+
+
+def plain_logarithmic(axis: Any) -> None:
+    """An axis of logarithms with numbers as 0.5, 20, 1,000 instead of powers of ten."""
+    from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
+
+    axis.axes.set(**{f"{axis.axis_name}scale": "log"})
+    axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    axis.set_minor_locator(NullLocator())
+    axis.set_major_formatter(StrMethodFormatter("{x:,.10g}"))
+
+
+def svg_of(axes: Any) -> str:
+    """A chart as an SVG file."""
+    text = io.StringIO()
+    axes.figure.savefig(text, format="svg", metadata={"Date": None, "Creator": None})
+    return text.getvalue()
+
+
+def inline_svg(text: str) -> str:
+    """An SVG file for HTML: without prologue, metadata, name spaces and a size of its own."""
+    text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
+    tag, rest = text[text.index("<svg") :].split(">", 1)
+    return re.sub(r' (?:width|height|xmlns(?::\w+)?)="[^"]*"', "", tag) + ">" + rest

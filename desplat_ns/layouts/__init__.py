@@ -1,1 +1,0 @@
-"""Recognises how a capture lies on disk and takes the dataparser that reads it."""

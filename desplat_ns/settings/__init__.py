@@ -1,1 +1,0 @@
-"""What settings may be: `options` checks numbers, `effects` are the switches of the effects."""

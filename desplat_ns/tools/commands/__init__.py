@@ -1,0 +1,71 @@
+"""The package's own commands, one file each: options and printing only."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import tyro
+
+from desplat_ns.core.console import announce
+from desplat_ns.core.errors import ConfigError, print_user_errors_plainly
+from desplat_ns.core.options import check_ranges
+from desplat_ns.core.run_files import RunFiles, find_run
+
+
+@dataclass
+class OfRun:
+    """The options of a command that takes a trained run; its own have names, too."""
+
+    load_config: Path
+    """config.yml of the run."""
+    data: Path | None = None
+    """Folder of the capture, if it is not where it was trained on."""
+
+    def find(self) -> RunFiles:
+        """The run's files, once the options are in their ranges. Raises DeSplatError."""
+        check_ranges(self)
+        return find_run(self.load_config, self.data)
+
+
+def run(command: Any, **options: Any) -> None:
+    """Read the options of a dataclass with `main`, or of a union of such, and call `main`; a user's
+    mistake has no traceback. `options`: of `tyro.cli`."""
+    print_user_errors_plainly()
+    name = Path(sys.argv[0]).name
+    parsed = tyro.cli(command, prog=name, **options)
+    _say_what_begins(name, parsed)
+    parsed.main()
+
+
+def _say_what_begins(name: str, options: Any) -> None:
+    """Say in a line what a command does, by the help of its options: what it needs may take many
+    seconds to import."""
+    what, _, _ = " ".join(str(options.__doc__).split()).partition(". ")
+    announce(f"{name}: {what.rstrip('.')}.")
+
+
+def run_on_capture(command: Any, name: str) -> None:
+    """As `run`, for a command whose options a data parser's name and options may follow; `main` is
+    given these words. They are not looked at here: nerfstudio takes seconds to import."""
+    print_user_errors_plainly()
+    options, words = split_words(command, name, sys.argv[1:])
+    _say_what_begins(name, options)
+    options.main(words)
+
+
+def split_words(command: Any, name: str, words: Sequence[str]) -> tuple[Any, tuple[str, ...]]:
+    """A command's options, and the data parser's words that follow them. `--data CAPTURE`, as
+    ns-train takes it, is the capture as well. Raises ConfigError where an option is not known, and
+    no data parser is named before it."""
+    words = [word.removeprefix("--data=") for word in words if word != "--data"]
+    parsed, rest = tyro.cli(command, prog=name, args=words, return_unknown_args=True)
+    if rest and rest[0].startswith("-"):
+        raise ConfigError(
+            f"{rest[0]} is no option of {name}; see --help. Options of a data parser follow its "
+            f"name, as in: {name} DATA colmap --downscale-factor 2."
+        )
+    return parsed, tuple(rest)

@@ -1,0 +1,89 @@
+"""`desplat-eval`: nerfstudio's `ns-eval`, with the options of the protocol."""
+
+from __future__ import annotations
+
+import json
+from contextlib import ExitStack
+from dataclasses import dataclass, fields, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from desplat_ns.core.console import announce
+from desplat_ns.core.options import LpipsNet
+from desplat_ns.core.whole import (
+    check_new_file,
+    check_new_folder,
+    plain_errors,
+    whole_folder,
+    write_whole,
+)
+from desplat_ns.evaluation.config import EvaluationConfig, ProtocolName, in_words
+from desplat_ns.tools.commands import OfRun, run
+
+
+@dataclass(kw_only=True)
+class Evaluate(OfRun):
+    """Score a trained run and write the figures as JSON, as ns-eval does."""
+
+    output_path: Path = Path("output.json")
+    """The figures."""
+    render_output_path: Path | None = None
+    """Folder for the photos and the renderings beside them."""
+    protocol: ProtocolName | None = None
+    """half: find each image's embedding on its left half, score its right half. full: score whole
+    images in the training images' average light. right: score right halves in that light, to
+    compare a model without appearance with others on the same pixels. auto: half if images have a
+    light of their own, else full. This and the next three: without them, as saved with the run."""
+    steps: int | None = None
+    """Steps of Adam for an embedding; `appearance camera` alone takes none."""
+    learning_rate: float | None = None
+    """Of the embedding."""
+    lpips_net: LpipsNet | None = None
+    """Network of LPIPS. alex (AlexNet): as nerfstudio, on which the paper builds; vgg (VGG16): as
+    3DGS and what is built on it."""
+    overwrite: bool = False
+    """Replace the figures if they are there, and write into a folder that is not empty."""
+
+    def main(self) -> None:
+        """Evaluate and write. Raises ConfigError where a path cannot be or is taken, or an option
+        is of no use here."""
+        files, pictures = self.find(), self.render_output_path
+        check_new_file(self.output_path, self.overwrite, "--output-path")
+        if pictures is not None:
+            check_new_folder(pictures, self.overwrite, "--render-output-path")
+
+        from desplat_ns.tools.loading import load_run  # seconds: not before the checks
+
+        loaded = load_run(files, self._with_protocol)
+        with ExitStack() as stack:
+            folder = None
+            if pictures is not None:
+                stack.enter_context(plain_errors(pictures, "--render-output-path"))
+                folder = stack.enter_context(whole_folder(pictures))
+            results = loaded.pipeline.get_average_eval_image_metrics(
+                output_path=folder, get_std=True
+            )
+        record = {
+            "experiment_name": loaded.config.experiment_name,
+            "method_name": loaded.config.method_name,
+            "checkpoint": str(loaded.checkpoint),
+            "results": results,
+        }
+        with plain_errors(self.output_path, "--output-path"):
+            write_whole(self.output_path, json.dumps(record, indent=2).encode())
+        announce(
+            f"{in_words(results)}; means of {results['num_images']} held-out photos. Scored: "
+            f"{results['protocol']}."
+        )
+        announce(f"Saved results to: {self.output_path}")
+
+    def _with_protocol(self, config: Any) -> Any:
+        """A run's configuration with the options that were given."""
+        options = {f.name: getattr(self, f.name) for f in fields(EvaluationConfig)}
+        given = {name: value for name, value in options.items() if value is not None}
+        config.pipeline.evaluation = replace(config.pipeline.evaluation, **given)
+        return config
+
+
+main = partial(run, Evaluate, description=__doc__)

@@ -1,0 +1,84 @@
+"""`desplat-reproduce`: a table of the paper, trained and scored here, with the paper's beside."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Annotated, Literal
+
+import tyro
+
+from desplat_ns.core.console import announce
+from desplat_ns.core.errors import CaptureError, ConfigError
+from desplat_ns.core.options import check_ranges, ranged
+from desplat_ns.tools.commands import run
+from desplat_ns.tools.studies.paper import TABLES, TableName, method_of
+
+
+@dataclass
+class Arguments:
+    """Train and score what a table of the paper needs, and write it with the paper's figures
+    beside, as Markdown and JSON.
+
+    What is done already in the output folder is gone on with; tables of the same runs (A7, A8, A9)
+    share them there. `desplat-fetch-data` downloads the data sets.
+    """
+
+    table: Annotated[TableName, tyro.conf.Positional]
+    """robustnerf, on-the-go: PSNR, SSIM, LPIPS. fig9: RobustNeRF by the share of cluttered photos.
+    A5: Photo Tourism. A6: Mip-NeRF 360. A7: memory. A8: training time. A9: rendering speed."""
+    data: Path = Path("data")
+    """Folder with the data sets, as `desplat-fetch-data` makes it."""
+    output: Path = Path("reproduced")
+    """Folder for the tables and what is trained."""
+    methods: tuple[str, ...] = ()
+    """That are compared, without any those of the table; `module:attribute` of a
+    MethodSpecification names one of others."""
+    seeds: int = ranged(1, "[1, inf)")
+    """Trainings of each method on each scene, whose figures are averaged."""
+    executor: Literal["local", "ray"] = "local"
+    """Where trainings are done: here, or on Ray."""
+    ray_address: str | None = None
+    """Of a cluster; without one Ray is started here."""
+    jobs: int = ranged(1, "[1, inf)")
+    """Trainings beside each other. Times and speeds (A8, A9) are to be measured alone."""
+    smoke: bool = False
+    """Try everything in minutes: 100 steps, photos of 160 pixels at most, whatever scenes are
+    there. The figures mean nothing."""
+
+    def main(self) -> None:
+        """Check what can be checked at once, then make the table, say where it is. Raises
+        DeSplatError where an option cannot be, or as `reproduce.reproduce`."""
+        check_ranges(self)
+        table = TABLES[self.table]
+        methods = tuple(map(method_of, dict.fromkeys(self.methods or table.methods)))
+        if not self.data.is_dir():
+            raise CaptureError(
+                f"There is no folder '{self.data}'. Name that with the data sets by --data; "
+                "`desplat-fetch-data` lists what there is and downloads it."
+            )
+
+        from desplat_ns.tools.studies.methods import method_config  # seconds: not before the checks
+        from desplat_ns.tools.studies.reproduce import Smoke, reproduce
+        from desplat_ns.tools.studies.runs import Executor
+
+        is_here = self.ray_address is None
+        if is_here and not self.smoke and method_config("desplat").machine.device_type == "cpu":
+            raise ConfigError(
+                "This machine has no GPU, on which the runs are meant to be done. Add --smoke to "
+                "try the same with few steps and small photos."
+            )
+        folder = reproduce(
+            table,
+            self.data,
+            self.output,
+            methods,
+            self.seeds,
+            Executor(self.executor, self.jobs, self.ray_address),
+            Smoke() if self.smoke else None,
+        )
+        announce(f"Written: {folder / 'table.md'}, and table.json beside it.")
+
+
+main = partial(run, Arguments)

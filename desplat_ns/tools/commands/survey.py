@@ -1,0 +1,68 @@
+"""`desplat-survey`: which effects does a capture call for? Looked at before training."""
+
+from __future__ import annotations
+
+import io
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Annotated, Any
+
+import tyro
+
+from desplat_ns.core.console import announce
+from desplat_ns.core.errors import CaptureError
+from desplat_ns.core.whole import check_new_file
+from desplat_ns.tools.commands import run_on_capture
+
+
+@dataclass
+class Arguments:
+    """Say which effects a capture calls for, before any training.
+
+    A data parser's name and its options may follow, as in ns-train: colmap, nerfstudio-data,
+    robustnerf-data, photo-tourism-data, on-the-go-data, or another of nerfstudio's. Without them
+    the capture's layout is recognised, as there. `ns-train desplat colmap --help` lists the options
+    of colmap.
+    """
+
+    data: Annotated[Path, tyro.conf.Positional]
+    """Folder of the capture; `--data DATA`, as in ns-train, says the same."""
+    output: Path = Path("survey")
+    """Folder for survey.json (the findings with every figure and its threshold) and survey.png (a
+    sheet of the evidence)."""
+    overwrite: bool = False
+    """Replace these two files if they are there."""
+
+    def main(self, parser: tuple[str, ...] = ()) -> None:
+        """Survey by a data parser of this name and options, or the recognised one, print and write.
+        Raises DeSplatError where that cannot be; at once where that can be told."""
+        if not self.data.exists():
+            raise CaptureError(f"There is no '{self.data}'. Name the folder of a capture.")
+        findings_file, sheet_file = self.output / "survey.json", self.output / "survey.png"
+        for file in (findings_file, sheet_file):
+            check_new_file(file, self.overwrite)
+
+        from desplat_ns.core.whole import plain_errors, write_whole
+        from desplat_ns.data.layouts import DeSplatDataParserConfig
+        from desplat_ns.data.parsers import without_prompts
+        from desplat_ns.survey.survey import evidence_picture, survey
+        from desplat_ns.training.datamanager import AnyDataParser  # seconds: checks first
+
+        chosen: Any = DeSplatDataParserConfig()
+        if parser:
+            chosen = tyro.cli(AnyDataParser, prog="desplat-survey DATA", args=list(parser))
+        chosen.data = self.data
+        outputs = without_prompts(chosen).setup().get_dataparser_outputs("train")
+        findings, evidence = survey(outputs)
+        for line in findings.summary():
+            announce(line)
+        sheet = io.BytesIO()
+        evidence_picture(evidence).save(sheet, "PNG")
+        with plain_errors(self.output):
+            write_whole(findings_file, findings.to_json().encode())
+            write_whole(sheet_file, sheet.getvalue())
+        announce(f"Saved {findings_file} and {sheet_file}.")
+
+
+main = partial(run_on_capture, Arguments, "desplat-survey")

@@ -1,0 +1,66 @@
+"""`desplat-tradeoff`: what accuracy costs in time on a capture, measured on this machine."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Annotated, Literal
+
+import tyro
+
+from desplat_ns.core.console import announce
+from desplat_ns.core.cores import cores
+from desplat_ns.core.errors import CaptureError
+from desplat_ns.core.options import check_ranges, ranged
+from desplat_ns.core.schedule import seconds_of
+from desplat_ns.tools.commands import run_on_capture
+
+MOST_JOBS = 8
+"""Trainings beside each other, unless more are asked for."""
+
+
+@dataclass
+class Arguments:
+    """Measure what accuracy costs in time: lengths, sizes of photos, effects.
+
+    A data parser's name and its options, as `ns-train` takes them, may follow; without them the
+    capture's layout is recognised, as there. `ns-train desplat colmap --help` lists the options of
+    colmap.
+    """
+
+    data: Annotated[Path, tyro.conf.Positional]
+    """Folder of the capture."""
+    time: str = "30min"
+    """Wall time for the whole study, earlier sessions included."""
+    output: Path = Path("tradeoff")
+    """Folder for the report, records.jsonl and what is trained. What is there already is gone on
+    with."""
+    jobs: int = ranged(0, "[0, inf)")
+    """Trainings beside each other, one thread each; 0: one on a GPU, else one for each core, eight
+    at most."""
+    executor: Literal["local", "ray"] = "local"
+    """Where trainings are done: here, or on Ray."""
+    ray_address: str | None = None
+    """Of a cluster; without one Ray is started here."""
+
+    def main(self, parser: tuple[str, ...]) -> None:
+        """Check what can be checked at once, then measure by a data parser of this name and
+        options, or the method's own. Raises DeSplatError as `tradeoff.tradeoff`."""
+        check_ranges(self)
+        seconds = seconds_of(self.time, "--time")
+        if not self.data.exists():
+            raise CaptureError(f"There is no '{self.data}'. Name the folder of a capture.")
+
+        from desplat_ns.tools.studies.methods import method_config  # seconds: not before the checks
+        from desplat_ns.tools.studies.runs import Executor
+        from desplat_ns.tools.studies.tradeoff import BASE, tradeoff
+
+        # a GPU is shared badly, and times beside others mean little
+        on_cpu = method_config(BASE).machine.device_type == "cpu"
+        jobs = self.jobs or (min(cores(), MOST_JOBS) if on_cpu else 1)
+        executor = Executor(self.executor, jobs, self.ray_address)
+        announce(f"Written: {tradeoff(self.data, parser, self.output, seconds, executor)}")
+
+
+main = partial(run_on_capture, Arguments, "desplat-tradeoff")

@@ -1,0 +1,141 @@
+"""Distractor masks over the photos as they lie on disk: at their full size, bent by their lens,
+under the names that others look for.
+
+Renderings are made through a pinhole; photos were taken through a lens. Letters in shapes: H x W
+pixels of the photo, h x w of the pinhole's image.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import PurePosixPath
+
+import cv2
+import numpy as np
+import torch
+from jaxtyping import Bool, Float
+from nerfstudio.cameras.cameras import Cameras, CameraType
+
+from desplat_ns.cameras.views import is_distorted
+from desplat_ns.core.console import list_names
+from desplat_ns.core.errors import ConfigError
+from desplat_ns.data.colmap import DeSplatColmapDataParser
+from desplat_ns.data.images import image_size
+from desplat_ns.data.training_views import image_names
+from desplat_ns.layers import MASK_THRESHOLD
+from desplat_ns.model import DeSplatModel
+from desplat_ns.tools.export.formats import Naming
+from desplat_ns.training.datamanager import DeSplatDataManager
+
+WIDEST = 5.0
+"""Tangent of the angle from the optical axis beyond which a pinhole is not drawn (79 degrees)."""
+
+MARGIN = 1
+"""Pixels around what is seen, for interpolation at the border."""
+
+CRITERIA = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 50, 1e-9)
+"""When inverting a lens model stops; OpenCV's default of 5 rounds is off by pixels in corners."""
+
+
+def photos_on_disk(manager: DeSplatDataManager) -> Iterator[tuple[str, Cameras]]:
+    """Of each training photo, in the order of the views: its path below the photos' folder, and the
+    camera [1] at the photo's full size, with its distortion.
+
+    Raises:
+        CaptureError: a photo that cannot be read any more.
+    """
+    outputs, parser = manager.train_dataparser_outputs, manager.dataparser
+    paths = outputs.image_filenames
+    names = image_names(paths)
+    if isinstance(parser, DeSplatColmapDataParser):
+        known = [frame.name for frame in parser.reconstruction.frames]
+        names = [known[index] for index in parser.views("train")]
+        whole = [parser.photos_folder / name for name in names]
+        paths = [a if a.is_file() else b for a, b in zip(whole, paths, strict=True)]
+    for index, (path, name) in enumerate(zip(paths, names, strict=True)):
+        camera = outputs.cameras[index : index + 1]
+        trained = int(camera.width), int(camera.height)
+        width, height = image_size(path, trained)
+        x_ratio, y_ratio = width / trained[0], height / trained[1]
+        camera.fx, camera.cx = camera.fx * x_ratio, camera.cx * x_ratio
+        camera.fy, camera.cy = camera.fy * y_ratio, camera.cy * y_ratio
+        camera.width = torch.full_like(camera.width, width)
+        camera.height = torch.full_like(camera.height, height)
+        yield name, camera
+
+
+def mask_names(photos: Sequence[str], naming: Naming) -> list[str]:
+    """Paths of photos' masks below the masks' folder, from the photos' below theirs. Raises
+    ConfigError where two photos would have the same mask."""
+    if naming == "colmap":
+        return [f"{photo}.png" for photo in photos]
+    names = [str(PurePosixPath(photo).with_suffix(".png")) for photo in photos]
+    twice = [name for name, count in Counter(names).items() if count > 1]
+    if twice:
+        raise ConfigError(
+            f"--names {naming} calls the masks of several photos the same: {list_names(twice)}. "
+            "Add `--names colmap`, which keeps the photos' endings."
+        )
+    return names
+
+
+ToPhoto = Callable[[Float[np.ndarray, "h w"]], Float[np.ndarray, "H W"]]
+
+
+def pinhole_of(camera: Cameras) -> tuple[Cameras, ToPhoto]:
+    """The pinhole [1] that sees all that the photo of a camera [1] shows, at the same focal
+    lengths, and what makes of its images what the lens shows; 0 where the pinhole sees nothing."""
+    if not is_distorted(camera):
+        return camera, lambda image: image
+    rays = _slopes(camera)
+    rays = np.where(np.isfinite(rays) & (np.abs(rays) <= WIDEST), rays, np.nan)
+    least, most = np.nanmin(rays, axis=(0, 1)), np.nanmax(rays, axis=(0, 1))
+    focal = np.array([float(camera.fx), float(camera.fy)])
+    cx, cy = center = MARGIN - least * focal
+    width, height = np.ceil((most - least) * focal).astype(int) + 2 * MARGIN
+    size = int(width), int(height)
+    pinhole = Cameras(camera.camera_to_worlds, camera.fx, camera.fy, float(cx), float(cy), *size)
+    # of the photo's pixels, in the pinhole's image, from the middle of its first pixel
+    places = np.nan_to_num(rays * focal + center, nan=-2.0).astype(np.float32) - 0.5
+    x, y = np.moveaxis(places, 2, 0)
+    return pinhole, lambda image: cv2.remap(image, x, y, cv2.INTER_LINEAR)
+
+
+def _slopes(camera: Cameras) -> Float[np.ndarray, "H W 2"]:
+    """x / z and y / z of the rays through the photo's pixel centres, in OpenCV's axes."""
+    height, width = int(camera.height), int(camera.width)
+    rows, columns = np.mgrid[:height, :width]
+    pixels = np.stack([columns, rows], axis=-1).reshape(-1, 1, 2) + 0.5
+    matrix = camera.get_intrinsics_matrices()[0].double().numpy()
+    assert camera.distortion_params is not None
+    k1, k2, k3, k4, p1, p2 = camera.distortion_params[0].double().tolist()
+    if int(camera.camera_type) == CameraType.FISHEYE.value:
+        lens = np.array([k1, k2, k3, k4])
+        slopes = cv2.fisheye.undistortPoints(pixels, matrix, lens, criteria=CRITERIA)
+    else:
+        lens = np.array([k1, k2, p1, p2, k3])
+        slopes = cv2.undistortPointsIter(pixels, matrix, lens, np.eye(3), np.eye(3), CRITERIA)
+    return slopes.reshape(height, width, 2)
+
+
+@torch.no_grad()
+def distractor_mask(model: DeSplatModel, index: int, camera: Cameras) -> Bool[np.ndarray, "H W"]:
+    """Where the distractors of a training view cover its photo, which a camera [1] took, above the
+    threshold of all masks (App. C.1). For models with distractors."""
+    assert model.layer is not None
+    pinhole, to_photo = pinhole_of(camera)
+    view = model.view_of_camera(pinhole.to(model.device), index)
+    settings = model.render_settings(depth=False)
+    drawn = model.layer.draw(index, lambda splats: model.rasterizer(splats, view, settings))
+    if drawn is None:
+        return np.zeros((int(camera.height), int(camera.width)), bool)
+    return to_photo(drawn.alpha[..., 0].cpu().numpy()) > MASK_THRESHOLD
+
+
+def dilated(mask: Bool[np.ndarray, "H W"], pixels: float) -> Bool[np.ndarray, "H W"]:
+    """All pixels whose centre is at most so many pixels from that of a pixel of the mask."""
+    if pixels == 0 or not mask.any():
+        return mask
+    outside = np.ascontiguousarray(~mask, dtype=np.uint8)
+    return cv2.distanceTransform(outside, cv2.DIST_L2, cv2.DIST_MASK_PRECISE) <= pixels

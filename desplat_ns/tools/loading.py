@@ -1,0 +1,99 @@
+"""A trained run, loaded, and which of its photos are shown: the one way of all commands."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, is_dataclass
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import torch
+import yaml
+from nerfstudio.cameras.cameras import Cameras
+from nerfstudio.data.dataparsers.base_dataparser import DataParserConfig, DataparserOutputs
+from nerfstudio.utils import eval_utils
+
+from desplat_ns.core.checkpoint import load_newest
+from desplat_ns.core.errors import ConfigError
+from desplat_ns.core.run_files import RunFiles
+from desplat_ns.plugin import read_only_configurations
+from desplat_ns.training.pipeline import DeSplatPipeline
+from desplat_ns.training.resume import SceneRecord
+from desplat_ns.training.run_config import RunConfig
+
+
+@dataclass(frozen=True)
+class LoadedRun:
+    """A run as its newest intact checkpoint has it."""
+
+    files: RunFiles
+    config: RunConfig
+    pipeline: DeSplatPipeline
+    checkpoint: Path
+    steps: int
+    """Done."""
+
+
+def _remembered(record: SceneRecord) -> DataParserConfig:
+    """What a checkpoint keeps of its capture: no photos, no points, no held-out views."""
+    numbers: dict[str, Any] = dict(record.cameras or {})
+    outputs = DataparserOutputs(
+        image_filenames=[Path(name) for name in record.train_images],
+        dataparser_transform=numbers.pop("transform"),
+        dataparser_scale=float(numbers.pop("scale")),
+        cameras=Cameras(**numbers),
+    )
+    parser: Any = SimpleNamespace(includes_time=False, get_dataparser_outputs=lambda **_: outputs)
+    return DataParserConfig(lambda _: parser, Path())  # pyright: ignore[reportArgumentType]
+
+
+def load_run(
+    files: RunFiles,
+    change: Callable[[RunConfig], RunConfig] = lambda config: config,
+    needs_photos: bool = True,
+) -> LoadedRun:
+    """Load a run as nerfstudio's `eval_setup` does.
+
+    Args:
+        change: of its configuration, before the pipeline is made.
+        needs_photos: without them the training cameras are those of the checkpoint, if it has them,
+            and the capture is not looked for.
+
+    Raises:
+        CaptureError: its capture cannot be read any more.
+        CheckpointError: no checkpoint is intact, or they are not of this run.
+        ConfigError: another version wrote config.yml, or it names what no run needs.
+    """
+    try:
+        read_only_configurations()
+        config: Any = yaml.load(files.config.read_text("utf8"), Loader=yaml.Loader)
+        config.relative_model_dir = files.checkpoints
+        if files.data is not None:
+            config.pipeline.datamanager.data = files.data
+        config = change(config)
+        config.load_dir = config.get_checkpoint_dir()
+        device, mode = "cuda" if torch.cuda.is_available() else "cpu", "test"
+        if not needs_photos:
+            state = load_newest(files.checkpoints)[1]["pipeline"]
+            record = SceneRecord.from_state(state.get("_extra_state"))
+            if record.cameras:
+                mode, manager = "inference", config.pipeline.datamanager
+                manager.data, manager.dataparser = None, _remembered(record)
+        pipeline: Any = config.pipeline.setup(device=torch.device(device), test_mode=mode)
+    except (yaml.YAMLError, AttributeError, KeyError) as error:
+        if isinstance(error, AttributeError) and not is_dataclass(error.obj):
+            raise  # not of what config.yml holds
+        raise ConfigError(
+            f"'{files.config}' cannot be taken up ({str(error).partition(chr(10))[0]}): another "
+            "version of this package, or of nerfstudio, wrote it. Use that version, or train anew."
+        ) from error
+    pipeline.eval()
+    checkpoint, step = eval_utils.eval_load_checkpoint(config, pipeline)
+    return LoadedRun(files, config, pipeline, checkpoint, step + 1)
+
+
+def even_subset(count: int, most: int) -> list[int]:
+    """At most `most` of the numbers from 0 to `count` - 1, evenly spread, both ends among them."""
+    return [int(i) for i in np.linspace(0, count - 1, min(count, most)).round()]

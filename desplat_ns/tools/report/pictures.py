@@ -1,0 +1,129 @@
+"""What a trained model shows: training photos taken apart, held-out photos beside renderings.
+
+Letters in shapes: H x W pixels.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import cv2
+import numpy as np
+import torch
+from jaxtyping import Bool, UInt8
+from torch import Tensor
+
+from desplat_ns.cameras.views import view_of
+from desplat_ns.core.console import progress_over
+from desplat_ns.core.pages import LARGEST_SIDE, Picture, over_checkerboard, shrunk, to_rgb8
+from desplat_ns.separation.decide import apply_mask
+from desplat_ns.tools.report.views import Unlike, unlike_in
+from desplat_ns.tools.scene.gather import Rgb, training_images
+from desplat_ns.training.pipeline import DeSplatPipeline
+
+ERROR_TOP = 0.25
+"""Mean difference of the colours, which are in [0, 1], that gets the brightest colour."""
+
+
+CARD, BESIDE = 0.8, 0.6
+"""Of the pixels' side, what pictures as wide as a card get, and those that are half as wide."""
+
+
+@dataclass(frozen=True)
+class Photo:
+    """A photo, and what is shown of it."""
+
+    name: str
+    pictures: dict[str, Picture]
+    """By the template's names: `photo`; `rendering`, the static scene in the photo's light; of a
+    training photo `distractors`, on a chequered ground, and their `mask`, if there is the effect;
+    of a held-out one `error`."""
+    covered: float | None = None
+    """Share of the photo inside the mask, in [0, 1]."""
+    unlike: Unlike | None = None
+    figures: Mapping[str, Any] = field(default_factory=dict)
+    """Of the evaluation."""
+
+
+def training_photos(pipeline: DeSplatPipeline, chosen: Sequence[int]) -> Iterator[Photo]:
+    """Training photos taken apart. Raises CaptureError of a photo that cannot be read any more."""
+    model, manager = pipeline.model, pipeline.datamanager
+    with (
+        model.layer_control.suspended(),
+        model.shown_light.suspended(),
+        progress_over(len(chosen), "Rendering training photos...") as advance,
+    ):
+        for index, camera, batch in training_images(manager, chosen):
+            camera = camera.to(pipeline.device)
+            outputs = model.get_outputs_for_camera(camera)
+            photo = model.photo_of(outputs, {"image": batch["image"].to(pipeline.device)})
+            name, covered, unlike = manager.train_image_names[index], None, None
+            static = outputs.get("rgb_static", outputs["rgb"])
+            pictures = {"photo": picture_of(photo, CARD), "rendering": picture_of(static, CARD)}
+            if model.layer is not None:
+                alpha_d, seen = outputs["alpha_distractor"], photo
+                if "mask" in batch:
+                    seen, _ = apply_mask(photo, static, batch["mask"].to(photo.device))
+                by = model.layer.thresholds
+                unlike = unlike_in(name, view_of(camera), alpha_d, seen, static, by)
+                mask = outputs["distractor_mask"].float()
+                covered = float(mask.mean())
+                drawn = (outputs["rgb_distractor"].cpu().numpy(), alpha_d.cpu().numpy())
+                drawn = over_checkerboard(*drawn, max(8, max(photo.shape) // 48))
+                pictures["distractors"] = picture_of(drawn, BESIDE)
+                pictures["mask"] = picture_of(mask, BESIDE)
+            yield Photo(name, pictures, covered, unlike)
+            advance()
+
+
+def picture_of(image: Tensor | np.ndarray, share: float = 1.0) -> Picture:
+    """An image [H, W, 1 or 3], in [0, 1] or of 8 bits, as large as a page may need it."""
+    pixels = to_rgb8(torch.as_tensor(image).detach().cpu().numpy())
+    return Picture(shrunk(pixels, LARGEST_SIDE), share)
+
+
+def marked(photo: Photo, where: Bool[np.ndarray, "rows columns"]) -> Picture:
+    """A photo that is dark but where cells of it are set, and in gaps of one cell."""
+    pixels = photo.pictures["photo"].pixels
+    closed = cv2.morphologyEx(where.astype(np.float32), cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
+    light = cv2.resize(closed, pixels.shape[1::-1], interpolation=cv2.INTER_AREA)
+    return Picture((pixels * (0.25 + 0.75 * light[..., None])).astype(np.uint8), BESIDE)
+
+
+def held_out_photos(pipeline: DeSplatPipeline, most: int) -> tuple[dict[str, Any], list[Photo]]:
+    """The evaluation that `ns-eval` makes, of all held-out photos, and at most so many of them, the
+    worst first: means hide what a look at them shows. With 0 nothing is evaluated.
+
+    Raises:
+        CaptureError: a photo that cannot be read any more.
+        DeSplatError: a figure of a photo is not a finite number.
+    """
+    if most == 0:
+        return {}, []
+    worst: list[tuple[float, int, Rgb, Rgb]] = []
+
+    def keep(index: int, beside: Tensor) -> None:
+        photo, rendering = np.split(to_rgb8(beside.cpu().numpy()), 2, axis=1)
+        error = float(np.square(photo.astype(np.float32) - rendering).mean())
+        worst.append((error, index, photo, rendering))
+        worst.sort(key=lambda entry: -entry[0])
+        del worst[most:]  # full pictures of hundreds of photos would be gigabytes
+
+    results, shown = pipeline.evaluate_held_out(keep), []
+    for _, index, photo, rendering in worst:
+        figures = results["images"][index]
+        pixels = {"photo": photo, "rendering": rendering, "error": error_map(photo, rendering)}
+        pictures = {name: picture_of(each, BESIDE) for name, each in pixels.items()}
+        shown.append(Photo(figures["name"], pictures, figures=figures))
+    return results, sorted(shown, key=lambda photo: photo.figures["psnr"])
+
+
+def error_map(
+    photo: UInt8[np.ndarray, "H W 3"], rendering: UInt8[np.ndarray, "H W 3"]
+) -> UInt8[np.ndarray, "H W 3"]:
+    """Mean absolute difference of the colours, from black over red to pale yellow."""
+    difference = np.abs(photo.astype(np.float32) - rendering).mean(axis=2) / ERROR_TOP
+    colors = cv2.applyColorMap(difference.clip(0, 255).astype(np.uint8), cv2.COLORMAP_INFERNO)
+    return cv2.cvtColor(colors, cv2.COLOR_BGR2RGB)

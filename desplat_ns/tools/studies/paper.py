@@ -1,0 +1,310 @@
+"""The paper's tables: data sets as they are trained on and scored, methods, metrics, and the
+figures of Tables A5 to A9 of its supplement.
+
+The tables of the main text are not in it, so that nothing of RobustNeRF's and On-the-go's PSNR,
+SSIM and LPIPS is here.
+
+`paper.txt` has a line for each row: table and metrics, row, and the figures scene by scene in the
+order of `TABLES`, a dash where the paper has one. A7 to A9 have the mean behind them. A8 is in
+minutes:seconds. The mean of Splatfacto's eleven figures of A9 is 94.10; the paper prints 94.01.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cache, reduce
+from pathlib import Path
+from typing import Any, Literal
+
+from desplat_ns.core.errors import ConfigError
+from desplat_ns.core.options import LpipsNet
+from desplat_ns.evaluation.config import ProtocolName
+
+TableName = Literal["robustnerf", "on-the-go", "fig9", "A5", "A6", "A7", "A8", "A9"]
+
+STEPS = 30_000
+"""Of every method on a data set but Photo Tourism; B.3 gives them for DeSplat."""
+
+RATIOS = (0.0, 0.25, 0.5, 0.75, 1.0)
+"""Shares of cluttered photos. Ours: the supplement says that they are varied, not to what."""
+
+LPIPS_NET: LpipsNet = "alex"
+"""The supplement names none. nerfstudio 1.1.4, on which the paper is built (B.3), calls LPIPS
+without naming one, which gives AlexNet."""
+
+MEAN = "mean"
+"""The column of means over all scenes of a table."""
+
+
+# --- data sets -----------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class DataSet:
+    """A data set as the paper uses it (B.1); docs/compare-with-desplat.md has the protocols."""
+
+    name: str
+    """Also of the folder that `desplat-fetch-data` makes for it."""
+    parser: tuple[str, ...]
+    """Name and options of the data parser, as `ns-train` takes them, but for the resolution."""
+    scoring: ProtocolName = "full"
+    """Which pixels, and in which light; `half` becomes `right` for models without light."""
+    steps: int = STEPS
+    methods: tuple[str, ...] = ("desplat", "desplat-paper", "splatfacto")
+    """That a table compares, if no others are asked for."""
+
+
+@dataclass(frozen=True)
+class PaperScene:
+    """A scene of a data set."""
+
+    data_set: DataSet
+    name: str
+    """As the paper calls it."""
+    folder: str
+    """In the published data set."""
+    downscale: int | None
+    """Photos at 1/N of their size; None: what the data parser takes by itself."""
+    fetch: str
+    """What `desplat-fetch-data` calls the download that holds it."""
+    options: tuple[str, ...] = ()
+    """Of the data parser, for this scene."""
+    key: str = ""
+    """In the names of its runs; by default the folder."""
+    place: Path = Path()
+    """Where the folder lies here, once it is found."""
+
+    @property
+    def parser(self) -> tuple[str, ...]:
+        """Name and options of the data parser, as `ns-train` takes them."""
+        smaller = () if self.downscale is None else ("--downscale-factor", str(self.downscale))
+        return (*self.data_set.parser, *smaller, *self.options)
+
+
+def _scenes(data_set: DataSet, fetch: str, downscale: int, names: str) -> tuple[PaperScene, ...]:
+    """Scenes from words `Name:folder`."""
+    pairs = (word.replace("_(", " (").split(":") for word in names.split())
+    return tuple(PaperScene(data_set, name, folder, downscale, fetch) for name, folder in pairs)
+
+
+ROBUSTNERF = DataSet("robustnerf", ("robustnerf-data",))
+_FIVE = "Statue:statue Android:android Crab_(1):crab1 Crab_(2):crab2 Yoda:yoda"
+ROBUSTNERF_SCENES = _scenes(ROBUSTNERF, "robustnerf", 8, _FIVE)
+
+RATIO_SCENES = tuple(
+    replace(
+        scene,
+        name=f"{scene.name}, {ratio:.0%} cluttered",
+        options=("--train-split-clean-clutter-ratio", str(ratio)),
+        key=f"{scene.folder}-{100 * ratio:.0f}",
+    )
+    for scene in ROBUSTNERF_SCENES[3:]
+    for ratio in RATIOS
+)
+
+ON_THE_GO = DataSet("on-the-go", ("on-the-go-data",))
+ON_THE_GO_SCENES = (
+    *_scenes(ON_THE_GO, "on-the-go", 8, "Mountain:mountain Fountain:fountain Corner:corner"),
+    *_scenes(ON_THE_GO, "on-the-go", 4, "Patio:patio"),
+    *_scenes(ON_THE_GO, "on-the-go", 8, "Spot:spot Patio-High:patio_high"),
+)
+
+PHOTO_TOURISM = DataSet(
+    "phototourism",
+    ("photo-tourism-data",),
+    scoring="half",
+    steps=200_000,  # B.3
+    methods=(
+        "desplat-phototourism",
+        "desplat-phototourism-paper",
+        "desplat-phototourism-a-paper",
+        "splatfacto",
+        "splatfacto-w",
+        "splatfacto-w-a",
+    ),
+)
+TOURISM_SCENES = tuple(
+    PaperScene(PHOTO_TOURISM, f"{a} {b}", f"{a}_{b}".lower(), None, f"{a}-{b}".lower())
+    for a, b in (("Brandenburg", "Gate"), ("Sacre", "Coeur"), ("Trevi", "Fountain"))
+)
+
+MIPNERF360 = DataSet("mipnerf360", ("colmap", "--eval-mode", "interval", "--eval-interval", "8"))
+_ROOMS = "room:room counter:counter kitchen:kitchen bonsai:bonsai"
+MIPNERF360_SCENES = (
+    *_scenes(MIPNERF360, "mipnerf360", 4, "bicycle:bicycle garden:garden stump:stump"),
+    *_scenes(MIPNERF360, "mipnerf360", 2, _ROOMS),
+)
+
+
+# --- methods -------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Method:
+    """A registered method with options."""
+
+    name: str
+    method: str
+    """That nerfstudio knows, or `module:attribute` of a MethodSpecification."""
+    paper: str = ""
+    """The row of the paper's tables that it stands beside; empty for none."""
+    options: tuple[str, ...] = ()
+    """Of `ns-train`."""
+    has_light: bool = False
+    """Whether it has an embedding for each photo."""
+
+    def scoring(self, data_set: DataSet) -> ProtocolName:
+        """How it is scored: on the data set's pixels, whatever it has."""
+        return "right" if data_set.scoring == "half" and not self.has_light else data_set.scoring
+
+
+_EFFECTS = "--pipeline.model.effects"
+_STATIC = (f"{_EFFECTS}.distractors", "False")
+_W = (*_STATIC, f"{_EFFECTS}.appearance", "sh")
+_W_A = (*_W, f"{_EFFECTS}.background", "off")
+_TOURISM, _TOURISM_A = "desplat-phototourism-paper", "desplat-phototourism-a-paper"
+
+METHODS = {
+    method.name: method
+    for method in (
+        Method("desplat", "desplat", "DeSplat"),
+        Method("desplat-paper", "desplat-paper", "DeSplat"),
+        Method("splatfacto", "desplat-paper", "Splatfacto", _STATIC),
+        Method("desplat-phototourism", "desplat-phototourism", "DeSplat", has_light=True),
+        Method(_TOURISM, _TOURISM, "DeSplat", has_light=True),
+        Method(_TOURISM_A, _TOURISM_A, "DeSplat-A", has_light=True),
+        Method("splatfacto-w", _TOURISM, "Splatfacto-W", _W, has_light=True),
+        Method("splatfacto-w-a", _TOURISM, "Splatfacto-W-A", _W_A, has_light=True),
+    )
+}
+"""Splatfacto has its settings in this package, and the appearance model of Splatfacto-W is without
+its masks."""
+
+
+def method_of(name: str) -> Method:
+    """A method of the table above, or one that is named as `module:attribute`. Raises ConfigError
+    where it is neither."""
+    if name in METHODS:
+        return METHODS[name]
+    if ":" not in name:
+        raise ConfigError(
+            f"--methods names '{name}'. There are: {', '.join(METHODS)}; another one is named as "
+            "module:attribute of its MethodSpecification."
+        )
+    return Method(name.replace(":", "."), name)
+
+
+# --- tables --------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Metric:
+    """A figure of a table."""
+
+    name: str
+    title: str
+    score: str
+    """Of the evaluation, from which it comes."""
+    digits: int = 2
+    is_rate: bool = False
+    """Whether it is one over the evaluation's score."""
+    is_time: bool = False
+    """Whether it is written as minutes:seconds."""
+
+    def of(self, scores: Mapping[str, Any]) -> float | None:
+        """Its value; None where the evaluation has no such score."""
+        value = scores.get(self.score)
+        if value is None or (self.is_rate and value <= 0):
+            return None
+        return 1 / value if self.is_rate else float(value)
+
+    def text(self, value: float | int | None, sign: str = "") -> str:
+        """As tables write it; with `sign` "+" also a positive value has its sign."""
+        if value is None:
+            return "-"
+        if not self.is_time:
+            return f"{value:{sign}.{self.digits}f}"
+        minutes, seconds = divmod(round(abs(value)), 60)
+        return f"{'-' if value < 0 else sign}{minutes}:{seconds:02d}"
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table of the paper."""
+
+    name: TableName
+    title: str
+    scenes: tuple[PaperScene, ...]
+    """In the order of the columns."""
+    metrics: tuple[Metric, ...]
+    note: str = ""
+    """What else a reader of the figures has to know."""
+
+    @property
+    def methods(self) -> tuple[str, ...]:
+        """Those that are compared, if no others are asked for: the same on all its data sets."""
+        return self.scenes[0].data_set.methods
+
+
+_IMAGES = (
+    Metric("psnr", "PSNR, dB, the higher the better", "psnr"),
+    Metric("ssim", "SSIM, the higher the better", "ssim", 3),
+    Metric("lpips", "LPIPS, the lower the better", "lpips", 3),
+)
+_MEMORY = (
+    Metric("static_mb", "Static Gaussians, MB (10^6 bytes)", "static_memory_mb"),
+    Metric("distractor_mb", "Distractor Gaussians, MB (10^6 bytes)", "distractor_memory_mb"),
+)
+_STEPS = "Training steps, minutes:seconds, without set-up and evaluation"
+_TIME = (Metric("train_seconds", _STEPS, "train_wall_seconds", is_time=True),)
+_SCORED = "Images per second, rendered and scored, as ns-eval counts them (App. C.2)"
+_SPEED = (
+    Metric("fps_with_metrics", _SCORED, "seconds_per_image_with_metrics", is_rate=True),
+    Metric("fps", "Images per second, rendered alone", "seconds_per_image_render", is_rate=True),
+)
+_MAIN_TEXT = "The paper's figures are in its main text; this package has those of the supplement."
+_MB = "The paper does not say which MB it means."
+_V100 = "The paper's are of a Tesla V100 (B.3)."
+_BOTH = (*ROBUSTNERF_SCENES, *ON_THE_GO_SCENES)
+
+TABLES: dict[TableName, Table] = {
+    table.name: table
+    for table in (
+        Table("robustnerf", "RobustNeRF", ROBUSTNERF_SCENES, _IMAGES, _MAIN_TEXT),
+        Table("on-the-go", "NeRF On-the-go", ON_THE_GO_SCENES, _IMAGES, _MAIN_TEXT),
+        Table("fig9", "Fig. 9 left: shares of clutter", RATIO_SCENES, _IMAGES, _MAIN_TEXT),
+        Table("A5", "Table A5: Photo Tourism", TOURISM_SCENES, _IMAGES),
+        Table("A6", "Table A6: Mip-NeRF 360", MIPNERF360_SCENES, _IMAGES),
+        Table("A7", "Table A7: memory", _BOTH, _MEMORY, _MB),
+        Table("A8", "Table A8: training time", _BOTH, _TIME, _V100),
+        Table("A9", "Table A9: rendering speed", _BOTH, _SPEED, _V100),
+    )
+}
+"""By the name that is typed."""
+
+
+# --- published figures ---------------------------------------------------------------------------
+
+
+@cache
+def figures_of(table: TableName) -> dict[tuple[str, str, str], float | None]:
+    """All figures of a table, by row, scene or `MEAN`, and metric; none of one that is in the main
+    text. Rows are called as in the text: DeSplat, and DeSplat-A without background. A8 in seconds.
+    """
+    figures: dict[tuple[str, str, str], float | None] = {}
+    columns = [*(scene.name for scene in TABLES[table].scenes), MEAN]
+    for line in Path(__file__).with_suffix(".txt").read_text("utf8").splitlines():
+        of, row, values = (part.strip() for part in line.split("|"))
+        name, *metrics = of.split()
+        if name == table:
+            places = [(row, scene, metric) for scene in columns for metric in metrics]
+            figures |= zip(places, map(_number, values.split()), strict=False)  # A5, A6: no mean
+    return figures
+
+
+def _number(word: str) -> float | None:
+    """A figure, or the seconds of `minutes:seconds` or `hours:minutes:seconds`; None of a dash."""
+    if word == "-":
+        return None
+    return reduce(lambda total, part: 60 * total + part, map(float, word.split(":")))

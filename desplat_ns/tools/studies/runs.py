@@ -1,0 +1,206 @@
+"""Runs: a method with options, trained and scored in a process of its own on one thread. Those
+without a record are done and recorded, on this machine or on a Ray cluster."""
+
+from __future__ import annotations
+
+import json
+import os
+import shlex
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from desplat_ns.core.console import announce
+from desplat_ns.core.errors import CaptureError, DeSplatError
+from desplat_ns.tools.studies.machine import today
+from desplat_ns.tools.studies.records import Key, Record, save
+
+ONE_THREAD = {"OMP_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1", "OMP_WAIT_POLICY": "passive"}
+"""So that runs beside each other disturb each other little: waiting threads sleep."""
+
+QUIET = ("--experiment-name", "x", "--timestamp", "run", "--vis", "tensorboard")
+QUIET += ("--steps-per-eval-image", "0", "--steps-per-eval-all-images", "0")
+"""Options of ns-train: folders of known names, no viewer, no evaluation on the way."""
+
+PROGRAM = "desplat_ns.tools.studies.train_and_score"
+RESULTS, LOG, PICTURES = "results.json", "run.log", "pictures"
+"""In the folder of a run; pictures are the held-out photos with the renderings beside them."""
+
+PARENT = "DESPLAT_NS_PARENT"
+"""Environment variable: the process with which a training is to end."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """A method, trained on a capture for some steps with a seed, and scored."""
+
+    variant: str
+    """What runs that differ in length and seed alone have in common, in a word."""
+    method: str
+    """A name that nerfstudio knows, or `module:attribute` of a MethodSpecification."""
+    options: tuple[str, ...]
+    """Of `ns-train`, without length, seed and folders."""
+    steps: int
+    seed: int
+    data: Path
+    """The capture's folder: in the same place on every machine that trains."""
+    parser: tuple[str, ...] = ()
+    """The data parser's name and options; empty for the method's own."""
+    capture: str = ""
+    """What its record calls the capture; by default the path of the folder."""
+
+    @property
+    def name(self) -> str:
+        """Of its folder, and in messages."""
+        return f"{self.variant}-{self.steps}-{self.seed}"
+
+    @property
+    def given(self) -> tuple[str, ...]:
+        """The options that its record names."""
+        return ("--max-num-iterations", str(self.steps), *self.options, *self.parser)
+
+    @property
+    def key(self) -> Key:
+        """That of its record."""
+        return self.method, shlex.join(self.given), self.capture or str(self.data), self.seed
+
+
+Train = Callable[[str, list[str], Path], dict[str, Any]]
+"""Trains and scores a method with options; RESULTS, LOG and PICTURES come into a folder. Returns
+the results, which are those of `train_and_score`."""
+
+Do = Callable[[Run, Path], Record]
+"""Does a run in a folder; see `execute`."""
+
+
+def import_path() -> dict[str, str]:
+    """The variable by which another process imports what this one would, from a checkout as from an
+    installed package."""
+    return {"PYTHONPATH": os.pathsep.join(dict.fromkeys(map(os.path.abspath, sys.path)))}
+
+
+def in_own_process(method: str, options: list[str], folder: Path) -> dict[str, Any]:
+    """A `Train` in a process of one thread. Raises DeSplatError that names its log."""
+    line = [sys.executable, "-m", PROGRAM, str(folder / RESULTS), method, *options]
+    with (folder / LOG).open("w") as log:
+        environment = os.environ | import_path() | ONE_THREAD | {PARENT: str(os.getpid())}
+        done = subprocess.run(line, stdout=log, stderr=subprocess.STDOUT, env=environment)
+    if done.returncode != 0:
+        raise DeSplatError(f"Training or scoring failed. Its log: {folder / LOG}")
+    return json.loads((folder / RESULTS).read_text())
+
+
+def execute(run: Run, folder: Path, train: Train = in_own_process) -> Record:
+    """Train and score a run. Its log, pictures and results stay in a folder of its name, in which
+    they replace those of an earlier run; checkpoints are removed. Raises DeSplatError where the
+    capture is not there, or training or evaluation failed."""
+    if not run.data.exists():
+        raise CaptureError(
+            f"There is no capture at {run.data}. Every machine that trains for a study needs the "
+            "photos in the same place."
+        )
+    place = folder / run.name
+    shutil.rmtree(place, ignore_errors=True)
+    place.mkdir(parents=True)
+    places = ["--data", str(run.data), "--output-dir", str(place), "--machine.seed", str(run.seed)]
+    began = time.monotonic()
+    try:
+        results = train(run.method, [*places, *QUIET, *run.given], place)
+    finally:
+        for checkpoints in place.glob("*/*/*/nerfstudio_models"):
+            shutil.rmtree(checkpoints, ignore_errors=True)
+    seconds = round(time.monotonic() - began, 1)
+    figures = results["figures"]
+    scores = {
+        name: value for name, value in figures.items() if isinstance(value, int | float | str)
+    }
+    scores["versions"] = ", ".join(" ".join(pair) for pair in figures.get("versions", {}).items())
+    return Record(results["commit"], today(), *run.key, scores, seconds, results["device_name"])
+
+
+@dataclass(frozen=True)
+class Executor:
+    """Where runs are done."""
+
+    name: Literal["local", "ray"] = "local"
+    jobs: int = 1
+    """Runs beside each other."""
+    address: str | None = None
+    """Of a Ray cluster; without one Ray is started here."""
+    do: Do = execute
+
+    def finish(
+        self,
+        runs: Iterable[Run],
+        records: dict[Key, Record],
+        file: Path,
+        folder: Path,
+        left: Callable[[], str] = str,
+    ) -> dict[str, str]:
+        """Do all runs that have no record, record each as it ends, and say so; why some failed, by
+        name.
+
+        Args:
+            runs: the next is asked for when there is a place for it.
+            records: those in `file`; new ones are added.
+            folder: of what is trained.
+            left: what to say after each run of what is left, in words.
+
+        Raises:
+            ConfigError: records cannot be written, for instance because the disk is full.
+            DeSplatError: Ray is not installed.
+        """
+        failed, folder = dict[str, str](), folder.resolve()
+        coming = (run for run in runs if run.key not in records)
+        pending: dict[Future[Record], Run] = {}
+        folder.mkdir(parents=True, exist_ok=True)
+        with self._places() as (places, do), ThreadPoolExecutor(places) as pool:
+            while True:
+                while len(pending) < places and (run := next(coming, None)) is not None:
+                    pending[pool.submit(do, run, folder)] = run
+                if not pending:
+                    return failed
+                for future in wait(pending, return_when=FIRST_COMPLETED).done:
+                    run = pending.pop(future)
+                    try:
+                        records[run.key] = record = future.result()
+                    except Exception as error:
+                        ours = isinstance(error, DeSplatError)
+                        failed[run.name] = "" if ours else f"{type(error).__name__}: "
+                        failed[run.name] += str(error)
+                        announce(f"{run.name}: {failed[run.name]}", warning=True)
+                    else:
+                        save(file, records.values())
+                        score = f"{record.scores['psnr']:.2f} dB after {record.seconds:.0f} s"
+                        announce(f"{run.name}: {score}. {left()}")
+
+    @contextmanager
+    def _places(self) -> Iterator[tuple[int, Do]]:
+        """How many runs are done beside each other, and what does one."""
+        if self.name == "local":
+            yield self.jobs, self.do
+            return
+        try:
+            import ray  # pyright: ignore[reportMissingImports]
+        except ImportError as error:
+            raise DeSplatError(
+                "--executor ray needs Ray, which is not installed. Type: "
+                "pip install 'desplat-ns[ray]'."
+            ) from error
+        here: dict[str, Any] = {"num_cpus": self.jobs, "include_dashboard": False}
+        options = here if self.address is None else {"address": self.address}
+        ray.init(runtime_env={"env_vars": import_path()}, log_to_driver=False, **options)
+        try:
+            resources = ray.cluster_resources()
+            gpus, cores = (int(resources.get(name, 0)) for name in ("GPU", "CPU"))
+            task = ray.remote(num_cpus=1, num_gpus=min(1, gpus))(self.do)
+            yield max(1, gpus or cores), lambda run, at: ray.get(task.remote(run, at.resolve()))
+        finally:
+            ray.shutdown()

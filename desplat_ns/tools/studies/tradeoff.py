@@ -1,0 +1,227 @@
+"""`desplat-tradeoff`: what accuracy costs in time on a capture. Which runs fit into the time is
+planned, then they are done. Ended at any time, a study goes on where it was."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from desplat_ns.backend.registry import compile_kernels, default_device
+from desplat_ns.core.console import about, announce
+from desplat_ns.core.effects import AppearanceGrade, Effects
+from desplat_ns.core.errors import ConfigError, DeSplatError
+from desplat_ns.core.whole import only_process_in
+from desplat_ns.survey.survey import decided_effects
+from desplat_ns.tools.studies.methods import content_of, method_config, splits_of
+from desplat_ns.tools.studies.records import FILE, RUNS, Key, Record, open_records
+from desplat_ns.tools.studies.runs import Executor, Run
+
+BASE = "desplat"
+"""The method whose options are varied, and its variant of all defaults."""
+
+SEEDS = (42, 43, 44)
+"""A difference is claimed only where all were measured: `page.verdicts`."""
+
+LADDER = (0.25, 0.5, 1.0, 2.0, 4.0)
+"""Lengths of the base's runs, in lengths of the comparison."""
+
+SHORTEST = 125
+"""Steps of the first run, from whose time the others' is guessed. The length of the comparison is
+this number, doubled some times."""
+
+WANTED = 500
+"""Steps of a comparison up to which one seed has to do: of shorter runs little can be learned."""
+
+GROWTH = 1.5
+"""A step of a longer run is expected to take this many times one of the first run, until a longer
+one is done: there are more Gaussians."""
+
+GRADES: tuple[AppearanceGrade, ...] = ("off", "camera", "affine")
+
+
+@dataclass
+class Study:
+    """The work on a study from one start of the command to its end."""
+
+    data: Path
+    """The capture's folder, absolute."""
+    parser: tuple[str, ...]
+    """The data parser's name and options, as `ns-train` takes them; empty for the method's own."""
+    content: str
+    """What the data parser finds, in words."""
+    effects: Effects
+    """Which the capture calls for, as a survey decided."""
+    output: Path
+    seconds: float
+    """Of wall time, for the whole study."""
+    executor: Executor
+    records: dict[Key, Record]
+    planned: list[Run] = field(default_factory=list)
+    failed: dict[str, str] = field(default_factory=dict)
+    """Why a run has no record, by its name."""
+
+    def __post_init__(self) -> None:
+        earlier = sum(record.seconds for record in self.records.values())
+        self._began = time.monotonic() - earlier / self.executor.jobs
+
+    @property
+    def spent(self) -> float:
+        """Seconds of wall time. Of earlier sessions those of the runs count."""
+        return time.monotonic() - self._began
+
+    def time_left(self) -> str:
+        """In words."""
+        return f"Spent: {self.spent / 60:.0f} of {self.seconds / 60:.0f} min."
+
+    def finish(self, runs: Iterable[Run]) -> dict[str, str]:
+        """Do runs that have no record; why some failed."""
+        file, folder = self.output / FILE, self.output / RUNS
+        return self.executor.finish(runs, self.records, file, folder, self.time_left)
+
+    def run_of(self, variant: str = BASE, steps: int = SHORTEST, seed: int = SEEDS[0]) -> Run:
+        """A variant as it is trained; by default the run that is done first, whatever the plan."""
+        _, options = compared(self.effects)[variant]
+        return Run(variant, BASE, options, steps, seed, self.data, self.parser)
+
+    def plan(self, steps: int, most: int) -> list[Run]:
+        """All runs for a comparison at a number of steps, none longer than `most`, the most telling
+        first: seed after seed the base's lengths, then every variant."""
+        lengths = [max(1, round(steps * length)) for length in LADDER if steps * length <= most]
+        runs = [self.run_of()]
+        for seed in SEEDS:
+            runs += [self.run_of(BASE, length, seed) for length in lengths[:-1]]
+            runs += [self.run_of(name, steps, seed) for name in compared(self.effects)]
+            runs += [self.run_of(BASE, lengths[-1], seed)]
+        return list(dict.fromkeys(runs))
+
+    def steps_that_fit(self, most: int) -> int:
+        """Steps of the longest comparison of which all runs fit into the time; up to `WANTED` steps
+        those of the first seed. The first run is done. `most`: steps of the method itself."""
+        pace, seconds = pace_of([self.run_of()], self.records), self.seconds * self.executor.jobs
+        chosen = steps = SHORTEST
+        while steps <= most:
+            seeds = SEEDS if steps > WANTED else SEEDS[:1]
+            runs = (run for run in self.plan(steps, most) if run.seed in seeds)
+            if sum(map(pace, runs)) <= seconds:
+                chosen = steps
+            steps *= 2
+        return chosen
+
+    def fitting(self) -> Iterator[Run]:
+        """The planned runs that are not done, in order, that are expected to end in time when they
+        are asked for. One that does not fit is passed over: shorter ones behind it may."""
+        for run in self.planned:
+            pace = pace_of(self.planned, self.records)
+            if run.key not in self.records and pace(run) <= self.seconds - self.spent:
+                yield run
+
+    def do(self) -> None:
+        """Do the runs that are not done and for which time is left. Raises DeSplatError where the
+        first run failed, ConfigError where records cannot be written."""
+        for failure in self.finish([self.run_of()]).values():
+            raise DeSplatError(f"The first run failed. {failure}")
+        most = method_config(BASE).nominal_num_iterations
+        steps = self.steps_that_fit(most)
+        self.planned = self.plan(steps, most)
+        pace = pace_of(self.planned, self.records)
+        ahead = [pace(run) for run in self.planned if run.key not in self.records]
+        left = min(sum(ahead) / self.executor.jobs, max(0.0, self.seconds - self.spent))
+        announce(
+            f"Variants are compared at {steps:,} steps. Planned runs: {len(self.planned)}; done: "
+            f"{len(self.planned) - len(ahead)}. Of the others those are done that fit into the "
+            f"time, in {about(left)}."
+        )
+        self.failed = self.finish(self.fitting())
+
+
+def tradeoff(
+    data: Path, parser: tuple[str, ...], output: Path, seconds: float, executor: Executor
+) -> Path:
+    """Do a study as far as its time goes, earlier sessions included, and write its page; where that
+    is. Raises DeSplatError where the capture or the folder will not do, the first run failed, or
+    another process is at work in the folder."""
+    from desplat_ns.tools.studies.page import write_page  # which imports this module
+
+    with only_process_in(output):
+        compile_kernels("auto", default_device())  # no part of the time that was given
+        study = open_study(data, parser, output, seconds, executor)
+        study.do()
+        return write_page(study)
+
+
+def open_study(
+    data: Path, parser: tuple[str, ...], output: Path, seconds: float, executor: Executor
+) -> Study:
+    """What an output folder holds of the study of a capture, or a new one; the capture is surveyed.
+    Raises CaptureError where it cannot be read, or nothing of it is held out, ConfigError where the
+    folder holds another study, or something else."""
+    records, data = open_records(output), data.resolve()
+    for record in records.values():
+        if record.capture != str(data):
+            raise ConfigError(
+                f"'{output}' holds the study of '{record.capture}'. Name another --output, or that "
+                "capture to go on with it."
+            )
+    train, test = splits_of(BASE, data, parser, "train", "test")
+    effects = decided_effects(method_config(BASE).pipeline.model.effects, train)[0].settled()
+    content = content_of(train, test)
+    return Study(data, parser, content, effects, output, seconds, executor, records)
+
+
+# --- which runs --------------------------------------------------------------------------------
+
+
+def compared(base: Effects) -> dict[str, tuple[str, tuple[str, ...]]]:
+    """What is compared, by name: in what it differs from the defaults, in words, and its options.
+
+    First the base, with the effects that the capture calls for; each other one differs from it in
+    one thing. All are scored on right halves: the left half shows a photo's own light."""
+
+    def variant(what: str, effects: Effects = base, **options: str) -> tuple[str, tuple[str, ...]]:
+        given = {
+            "model.effects.auto": "False",
+            "model.effects.distractors": str(effects.distractors),
+            "model.effects.appearance": effects.appearance,
+            "model.effects.background": effects.background,
+            "evaluation.protocol": "half" if effects.image_light else "right",
+            **{f"model.{name.replace('_', '-')}": value for name, value in options.items()},
+        }
+        return what, tuple(w for k, v in given.items() for w in (f"--pipeline.{k}", v))
+
+    with_or_without = "without" if base.distractors else "with"
+    background = "constant" if base.background == "off" else "off"
+    return {
+        BASE: variant("the defaults"),
+        "half-size": variant("photos of half their size", train_downscale="2"),
+        "fewer": variant("a quarter of the static Gaussians", gaussians_per_pixel="0.0125"),
+        "degree-1": variant("spherical harmonics of degree 1", sh_degree="1"),
+        "distractors": variant(
+            f"{with_or_without} distractors", replace(base, distractors=not base.distractors)
+        ),
+        **{
+            f"appearance-{grade}": variant(f"appearance {grade}", replace(base, appearance=grade))
+            for grade in GRADES
+            if grade != base.appearance
+        },
+        "background": variant(f"background {background}", replace(base, background=background)),
+    }
+
+
+def pace_of(runs: Iterable[Run], done: Mapping[Key, Record]) -> Callable[[Run], float]:
+    """Expected wall seconds of a run, from the start of its process to the end.
+
+    A run takes a + b steps: a is for imports, reading photos and evaluation, b for a step. Both
+    are those of the variant's longest run that is done, or of the base's; the first run is done."""
+    known: dict[str, tuple[int, float, float]] = {}
+    for run in sorted(runs, key=lambda run: run.steps):
+        if (record := done.get(run.key)) is not None:
+            training = record.scores["train_wall_seconds"]
+            known[run.variant] = run.steps, record.seconds - training, training / run.steps
+
+    def seconds(run: Run) -> float:
+        steps, start, step = known.get(run.variant, known[BASE])
+        return start + run.steps * step * (GROWTH if run.steps > steps == SHORTEST else 1.0)
+
+    return seconds

@@ -1,0 +1,454 @@
+"""The training run: schedules of the run's length, checkpoints that survive, resume that resumes.
+
+nerfstudio's loop does the training; here is only what it leaves open.
+"""
+
+from __future__ import annotations
+
+import copy
+import sys
+import time
+from contextlib import ExitStack, suppress
+from dataclasses import asdict, dataclass, field, replace
+from functools import cache, partial
+from pathlib import Path
+from shlex import quote
+from statistics import median
+from typing import Any, Literal, cast
+
+import psutil
+import torch
+from nerfstudio.engine.callbacks import TrainingCallback, TrainingCallbackLocation
+from nerfstudio.engine.optimizers import Optimizers
+from nerfstudio.engine.trainer import Trainer
+from nerfstudio.utils import writer
+from nerfstudio.utils.decorators import check_main_thread
+from nerfstudio.utils.misc import step_check
+from torch.optim.lr_scheduler import LambdaLR
+
+from desplat_ns.backend.registry import compile_kernels
+from desplat_ns.core.checkpoint import (
+    checkpoint_path,
+    checkpoints_in,
+    refuse_to_replace,
+    remove_older,
+    run_folder,
+    save_atomically,
+    step_of,
+)
+from desplat_ns.core.console import TOLD_EVERY, about, announce
+from desplat_ns.core.errors import CaptureError, CheckpointError
+from desplat_ns.core.optimizers import follow, load_moments, optimizer_options, set_position
+from desplat_ns.core.run_files import SURVEY
+from desplat_ns.core.schedule import (
+    END_SECONDS,
+    BudgetPlan,
+    RunStep,
+    Schedule,
+    early_rate_factor,
+    plan_budget,
+    rate_factor,
+    saved_plan,
+    seconds_of,
+)
+from desplat_ns.core.whole import plain_errors
+from desplat_ns.plugin import (
+    announce_above_the_table,
+    train_on_where_logs_cannot_be_written,
+)
+from desplat_ns.training import resume
+from desplat_ns.training.clock import TIMED_FROM, Clock
+from desplat_ns.training.datamanager import DeSplatDataManagerConfig, training_split
+from desplat_ns.training.pipeline import DeSplatPipeline
+from desplat_ns.training.run_config import RunConfig, SavedRun
+from desplat_ns.training.step_guard import GuardedOptimizers
+from desplat_ns.training.stop_signals import on_stop_signal
+
+MOST_UNSAVED = 300.0
+"""Seconds of training that a kill may cost: `steps_per_save` may be an hour of large photos."""
+
+
+@dataclass
+class DeSplatTrainerConfig(RunConfig):
+    """Configuration of a training run; see `RunConfig`."""
+
+    _target: type = field(default_factory=lambda: DeSplatTrainer)
+
+
+class DeSplatTrainer(Trainer):
+    """nerfstudio's Trainer with a clock, guarded steps, atomic checkpoints, exact resume.
+
+    Ctrl+C, or SIGTERM, ends the run after the step at hand and saves; a second one ends it at once.
+    """
+
+    config: DeSplatTrainerConfig
+    optimizers: GuardedOptimizers
+    pipeline: DeSplatPipeline
+
+    def __init__(
+        self, config: DeSplatTrainerConfig, local_rank: int = 0, world_size: int = 1
+    ) -> None:
+        super().__init__(config, local_rank, world_size)
+        table = config.logging.local_writer  # its time left is that of steps as they are now
+        table.stats_to_track = tuple(s for s in table.stats_to_track if s != writer.EventName.ETA)
+        train_on_where_logs_cannot_be_written()
+        self._steps_done = 0
+        self._saved: SavedRun | None = None
+        self._saved_rng: dict[str, Any] | None = None
+        self._stop_is_asked = False
+        self._started = process_started()
+        self._plan: BudgetPlan | None = None
+        self._budget_is_up = False
+        self._prices: tuple[float, float] | None = None
+        self._clock: Clock | None = None
+        self._last_end = self._last_told = 0.0
+        self._folder_lock = ExitStack()
+        self._save_by = 0.0
+
+    # --- before the first step ---------------------------------------------------------------
+
+    def setup(self, test_mode: Literal["test", "val", "inference"] = "val") -> None:
+        """nerfstudio's, once it is decided which effects the run has. Whatever fails here leaves no
+        folder behind.
+
+        Raises:
+            BackendUnavailableError: the backend cannot run on this machine's device.
+            CaptureError: photos that cannot be surveyed.
+            CheckpointError: one that cannot be gone on from.
+            ConfigError: a budget in which nothing can be trained; or a folder that holds another
+                run, in which another process trains, or that cannot be written.
+        """
+        config = self.config
+        with ExitStack() as stack:
+            stack.enter_context(run_folder(self.base_dir))
+            self._saved = config.saved_run()
+            refuse_to_replace(self.checkpoint_dir, None if self._saved is None else self._saved[0])
+            self._started += compile_kernels(self._model_config.backend, config.machine.device_type)
+            manager = cast(DeSplatDataManagerConfig, config.pipeline.datamanager)
+            capture = cache(partial(training_split, manager))
+            findings = config.decide_effects(self._saved, capture)
+            config.settle_length(capture)
+            if config.budget and self._saved is not None:
+                plan = saved_plan(*self._saved, seconds_of(config.budget), self._seconds())
+                self._settle(plan)
+                self._started -= plan.spent
+            super().setup(test_mode)
+            if config.steps_per_save:
+                after_step = [TrainingCallbackLocation.AFTER_TRAIN_ITERATION]
+                self.callbacks.append(TrainingCallback(after_step, self._save_if_late))
+            with plain_errors(self.base_dir, "--output-dir"):
+                config.write_config()
+                if findings is not None:
+                    (self.base_dir / SURVEY).write_text(findings.to_json(), "utf8")
+            self._folder_lock = stack.pop_all()  # held until the training is over
+
+    @property
+    def _model_config(self) -> Any:
+        """The `DeSplatModelConfig` of the run, before the number of photos is known to it."""
+        return self.config.pipeline.model
+
+    def setup_optimizers(self) -> Optimizers:
+        """Optimizers whose learning rates go by the clock of the run, as the model does."""
+        config, photos = self.config, len(self.pipeline.datamanager.train_image_names)
+        ahead = config.max_num_iterations - (self._saved[1]["step"] + 1 if self._saved else 0)
+        if config.budget:
+            self._begin_budget(seconds_of(config.budget))
+        elif ahead >= TIMED_FROM:
+            self._prices = self._prices_of_steps(min(10, max(2, ahead // 100)))
+        schedule = self.pipeline.model.schedule
+        raised = rate_factor(photos, config.max_num_iterations, config.full_rate_visits)
+        warmup, wanted = self._model_config.warmup_of(photos)
+
+        def early(step: int) -> float:
+            nominal = schedule.nominal(RunStep(step))
+            return max(1.0, early_rate_factor(nominal, warmup, wanted) / raised)
+
+        optimizers = self._guarded_optimizers(raised)
+        follow(optimizers, schedule, early)
+        return optimizers
+
+    def _guarded_optimizers(self, raised_by: float = 1.0) -> GuardedOptimizers:
+        options = optimizer_options(self.config.optimizers, raised_by)
+        groups = self.pipeline.get_param_groups()
+        return GuardedOptimizers(options, groups, lambda: self.pipeline.model)
+
+    # --- time --------------------------------------------------------------------------------
+
+    def _begin_budget(self, budget: float) -> None:
+        """Let schedules go by the clock; a new run is planned by trial steps."""
+        plan = self._plan
+        if plan is None:
+            least, most = self._model_config.train_downscale, self.config.max_num_iterations
+            self._prices, model, timed = self._prices_of_steps(4), self.pipeline.model, []
+            for size in (least, 2 * least):
+                model.config = replace(model.config, train_downscale=size)
+                timed.append(Clock(self.pipeline, *self._prices).left(0, most) / most)
+            plan = plan_budget(budget, self._seconds(), timed, least, most)
+            self._settle(plan)
+            self.pipeline.start_model_anew()
+        self.pipeline.model.schedule.plan = plan
+        size = "full size" if plan.downscale == 1 else f"1/{plan.downscale} of their size"
+        announce(
+            f"Budget: {budget:.0f} s, of which {self._seconds():.0f} are spent. {plan.steps} "
+            f"steps are planned, with photos in {size}. No evaluation on the way."
+        )
+
+    def _settle(self, plan: BudgetPlan) -> None:
+        """Give the run the length and the size of photos of a plan; config.yml has them then."""
+        config, self._plan = self.config, plan
+        config.max_num_iterations, self._model_config.train_downscale = plan.steps, plan.downscale
+        self._model_config.schedule_scale = min(1.0, plan.steps / config.nominal_num_iterations)
+        config.steps_per_eval_batch = config.steps_per_eval_image = 0
+        config.steps_per_eval_all_images = 0
+
+    def _prices_of_steps(self, each: int) -> tuple[float, float]:
+        """Prices for a `Clock`, from steps on photos of the smallest and of the largest size that
+        are coming: medians of `each`.
+
+        Nothing of the run changes: another model trains, then random generators and the order of
+        photos are as before.
+        """
+        pipeline, manager, kept = self.pipeline, self.pipeline.datamanager, self.pipeline.model
+        state, order = resume.rng_state(), manager.sampler_state()
+        sizes, pixels = kept.config.downscale_factor, manager.get_train_rays_per_batch()
+        last = sizes(self.config.nominal_num_iterations, pixels)
+        first, step = max(sizes(0, pixels), 2 * last), kept.config.sh_degree
+        timed: dict[float, list[float]] = {first: [], last: []}
+        pipeline.start_model_anew()
+        model: Any = pipeline.model
+        model.schedule, model.config.sh_degree_interval = Schedule(), 1  # all harmonics
+        self.optimizers = self._guarded_optimizers()
+        self.optimizers.is_logged = model.is_logged = False
+        pipeline.train()
+        for factor in (first, *each * [first], *each * [last]):
+            began, model.config.downscale_factor = self._seconds(), lambda *_, now=factor: now
+            model.step_cb(self.optimizers, step)
+            super().train_iteration(step)
+            model.step_post_backward(step)
+            if self.device != "cpu":
+                torch.cuda.synchronize()
+            timed[factor].append(self._seconds() - began)
+        pipeline._model = kept
+        resume.restore_rng(state)
+        manager.load_sampler_state(order)
+        small, whole = median(timed[first][1:]), median(timed[last])  # the first reads photos
+        pixel = max(0.0, whole - small) / (pixels / last**2 - pixels / first**2)
+        return max(0.0, whole - pixel * pixels / last**2), pixel
+
+    def _tell_time(self, step: int, began: float) -> None:
+        """Learn from a step that began at a time, and say once a minute what is left."""
+        now, clock = self._seconds(), self._clock
+        # what lies between two steps can be a pause, or an evaluation
+        seconds, self._last_end = min(now - self._last_end, 3 * (now - began)), now
+        if clock is None or step == self._start_step:  # which reads photos
+            return
+        clock.after_step(step, seconds)
+        if now - self._last_told >= TOLD_EVERY and step + 1 < self._total:
+            self._last_told, left = now, clock.left(step + 1, self._total)
+            of = f" of {self._total:,}"
+            if self._plan is not None:
+                left, of = min(left, seconds_of(self.config.budget) - END_SECONDS - now), ""
+            announce_above_the_table(f"Step {step + 1:,}{of}, {about(left)} left.")
+
+    def _seconds(self) -> float:
+        """Since the command began, without compiling; of a run that goes on all that is spent."""
+        return time.monotonic() - self._started
+
+    # --- the loop ----------------------------------------------------------------------------
+
+    def train(self) -> None:
+        """Train until `max_num_iterations` steps are done in all, those of the checkpoint included;
+        where none is left, say so and change nothing. Raises CaptureError where a photo cannot be
+        read any more; what is trained is saved before."""
+        whole = self.config
+        total = whole.max_num_iterations if self._plan is None else self._plan.most
+        self._total, remaining = total, total - self._steps_done
+        if remaining <= 0:
+            announce(
+                f"Nothing left to train: {self._steps_done} steps are done and "
+                f"--max-num-iterations, the total, is {total}. Give more to go on.",
+                warning=True,
+            )
+            self._folder_lock.close()
+            return
+        if self._saved_rng is not None:
+            resume.restore_rng(self._saved_rng)
+        if self._prices is not None:
+            self._clock, self._last_told = Clock(self.pipeline, *self._prices), self._seconds()
+            left = about(self._clock.left(self._steps_done, total))
+            if self._plan is None:
+                announce(f"{left.capitalize()} on this machine for {remaining:,} steps.")
+        # nerfstudio 1.1.5 trains as many steps *more*; only its loop is to see the smaller number
+        self.config = copy.copy(whole)
+        self.config.max_num_iterations = remaining
+        self._save_by = time.monotonic() + MOST_UNSAVED
+        try:
+            with on_stop_signal(self._stop_after_this_step):
+                super().train()
+        except CaptureError:
+            self.stop_training = True
+            self._after_train()
+            raise
+        except KeyboardInterrupt:  # nerfstudio's commands end with 0 then, as if all were done
+            announce(f"Ended at once. {self._how_to_go_on()}", warning=True)
+            raise SystemExit(130) from None
+        finally:
+            self._folder_lock.close()
+            self.config = whole
+        if self._ran_to_its_end and not whole.viewer.quit_on_train_completion:
+            with suppress(KeyboardInterrupt):
+                self._train_complete_viewer()
+
+    def train_iteration(self, step: int) -> Any:
+        """One step; counts it as done once it is. Figures and rates are worked out where logged."""
+        is_logged = step_check(step, self.config.logging.steps_per_log, run_at_zero=True)
+        self.pipeline.model.is_logged = self.optimizers.is_logged = is_logged
+        began = self._seconds()
+        loss, terms, metrics = super().train_iteration(step)
+        self._steps_done = step + 1
+        self._tell_time(step, began)
+        if self._stop_is_asked or self.optimizers.exhausted:
+            self.stop_training = True  # nerfstudio clears it once its viewer is filled
+        if self._plan is not None:
+            budget, is_first = seconds_of(self.config.budget), step == self._start_step
+            self._budget_is_up = self._plan.after_step(step, self._seconds(), budget, is_first)
+            self.stop_training |= self._budget_is_up
+        return loss.detach(), {name: term.detach() for name, term in terms.items()}, metrics
+
+    def eval_iteration(self, step: int) -> None:
+        """Evaluate the static scene, where it is due, and leave the random generators as they were.
+
+        So training does not depend on what is evaluated when, nor on what a metric draws when it
+        is first built: a resumed run builds it at another step than one in one go. Where it fails,
+        what is trained is saved before that ends the run.
+        """
+        config = self.config
+        intervals = (config.steps_per_eval_batch, config.steps_per_eval_image)
+        if not any(step_check(step, n) for n in (*intervals, config.steps_per_eval_all_images)):
+            return
+        state = resume.rng_state()
+        try:
+            with self.pipeline.static_scene():
+                super().eval_iteration(step)
+        except Exception:
+            resume.restore_rng(state)
+            self.save_checkpoint(step)
+            raise
+        finally:
+            resume.restore_rng(state)
+
+    def _after_train(self) -> None:
+        """Save and report, in place of nerfstudio's; raise the guard's error if it stopped the run.
+
+        A run stopped before a step has not done it, contrary to nerfstudio's count, which would
+        then skip that step on resume; before the first there is nothing to save.
+        """
+        self.step, self.training_state = self._steps_done - 1, "completed"
+        if self._steps_done == 0:
+            announce("Stopped before the first step: nothing to save.")
+            return
+        self.save_checkpoint(self.step)
+        if self.optimizers.exhausted:
+            raise self.optimizers.error(checkpoint_path(self.checkpoint_dir, self.step))
+        writer.write_out_storage()
+        for callback in self.callbacks:
+            callback.run_callback_at_location(self.step, TrainingCallbackLocation.AFTER_TRAIN)
+        if not self._ran_to_its_end:
+            announce(f"Stopped. {self._how_to_go_on()}")
+            return
+        model, config = self.pipeline.model, quote(str(self.base_dir / "config.yml"))
+        announce(f"{self._steps_done} steps: {len(model.gauss_params['means'])} static Gaussians.")
+        for line in model.found_in_the_way():
+            announce(line)
+        announce(f"Next: desplat-report --load-config {config}")
+        announce(f"      desplat-export page --load-config {config} --output scene.html")
+
+    def _how_to_go_on(self) -> str:
+        saved = checkpoints_in(self.checkpoint_dir)
+        if not saved:
+            return "No checkpoint was saved."
+        return (
+            f"{step_of(saved[-1]) + 1} steps are saved. To go on, repeat the command with "
+            f"--load-dir {quote(str(self.checkpoint_dir))}"
+        )
+
+    @property
+    def _ran_to_its_end(self) -> bool:
+        """Whether the run ended by itself: it was not told to stop."""
+        return not self.stop_training or self._budget_is_up
+
+    def _stop_after_this_step(self, name: str) -> None:
+        """What a stop signal does."""
+        announce(f"Stopping after this step; {name} again to stop at once.", warning=True)
+        self._stop_is_asked = self.stop_training = True
+
+    # --- checkpoints -------------------------------------------------------------------------
+
+    def _save_if_late(self, step: int) -> None:
+        """Save after a step, the refinement that follows it included, if the last save is
+        `MOST_UNSAVED` seconds ago."""
+        if time.monotonic() >= self._save_by:
+            self.save_checkpoint(step)
+
+    @check_main_thread
+    def save_checkpoint(self, step: int) -> None:
+        """Save the state after `step`, whole or not at all; only afterwards older ones go, but for
+        the one before.
+
+        Where it cannot be written on the way, that is said and training goes on: hours of it are
+        worth more than one save. Raises CheckpointError where the run's last one cannot.
+        """
+        path, began = checkpoint_path(self.checkpoint_dir, step), time.monotonic()
+        try:
+            save_atomically(self._state(step), path)
+        except CheckpointError as error:
+            if self.training_state == "completed":  # nerfstudio sets it before the last save
+                raise
+            announce(f"{error} Training goes on, and tries again later.", warning=True)
+            return
+        finally:
+            now = time.monotonic()
+            self._save_by = now + max(MOST_UNSAVED, 50 * (now - began))  # saving takes 2% at most
+        if self.config.save_only_latest_checkpoint:
+            remove_older(path)
+
+    def _state(self, step: int) -> dict[str, Any]:
+        """What nerfstudio's commands read of a checkpoint, and what makes resume exact."""
+        state = {
+            "step": step,
+            "nominal": self.pipeline.model.schedule.nominal(RunStep(step + 1)),
+            "pipeline": self.pipeline.state_dict(),
+            "optimizers": {k: v.state_dict() for k, v in self.optimizers.optimizers.items()},
+            "rng": resume.rng_state(),
+            "sampler": self.pipeline.datamanager.sampler_state(),
+        }
+        return state if self._plan is None else state | {"budget": asdict(self._plan)}
+
+    def _load_checkpoint(self) -> None:
+        """Go on from --load-checkpoint or --load-dir, if given. Raises CheckpointError."""
+        if self._saved is None:
+            return
+        (path, state), self._saved = self._saved, None
+        done, total = RunStep(state["step"] + 1), self.config.max_num_iterations
+        schedule = self.pipeline.model.schedule
+        if schedule.go_on(done, state.get("nominal", schedule.nominal(done)), total):
+            announce(
+                f"The run was planned for more steps. The {total - done} steps that are left go "
+                "through the rest of its schedules."
+            )
+        self.pipeline.load_pipeline(state["pipeline"], state["step"])
+        load_moments(self.optimizers, state["optimizers"])
+        self._start_step = self._steps_done = done
+        for scheduler in self.optimizers.schedulers.values():
+            set_position(cast(LambdaLR, scheduler), self._steps_done)
+        # the order of the views now, the generators when training starts
+        self.pipeline.datamanager.load_sampler_state(state["sampler"])
+        self._saved_rng = state["rng"]
+        announce(f"Going on from {path}, {self._steps_done} steps are done.")
+
+
+def process_started() -> float:
+    """When the command began, by the monotonic clock; now, if this is no command of its own."""
+    is_command = Path(sys.argv[0]).stem.startswith("ns-train")
+    age = time.time() - psutil.Process().create_time() if is_command else 0.0
+    return time.monotonic() - max(0.0, age)

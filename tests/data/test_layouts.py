@@ -1,0 +1,84 @@
+"""`desplat-data`: the default of every method, whose choice is kept in config.yml."""
+
+from __future__ import annotations
+
+import copy
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+import tyro
+import yaml
+from nerfstudio.configs.method_configs import all_methods
+
+from desplat_ns.core.errors import CaptureError
+from desplat_ns.data.colmap import DeSplatColmapDataParserConfig
+from desplat_ns.data.layouts import DeSplatDataParserConfig
+from desplat_ns.data.on_the_go import OnTheGoDataParserConfig
+from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
+from desplat_ns.training.datamanager import AnyDataParser, DeSplatDataManagerConfig, training_split
+from tests.helpers.registered import EIGHT_VIEWS, registered_desplat, set_up
+
+
+@pytest.mark.usefixtures("tyro_may_build")
+def test_our_dataparsers_can_be_named_with_their_options():
+    words = ["on-the-go-data", "--downscale-factor", "8"]
+    assert tyro.cli(AnyDataParser, args=words) == OnTheGoDataParserConfig(downscale_factor=8)
+
+
+def test_options_that_are_not_given_are_the_dataparsers_own(capture):
+    assert DeSplatDataParserConfig(data=capture()).recognised() == DeSplatColmapDataParserConfig(
+        data=capture()
+    )
+    given = DeSplatDataParserConfig(data=capture(), auto_scale_poses=False, eval_interval=5)
+    config = given.recognised()
+    assert isinstance(config, DeSplatColmapDataParserConfig)
+    assert (config.auto_scale_poses, config.eval_interval) == (False, 5)
+
+
+def test_once_settled_the_choice_stays(capture, capsys):
+    config = DeSplatDataManagerConfig(data=capture())
+    settled = config.settle_dataparser()
+    assert settled == config.dataparser == DeSplatColmapDataParserConfig(data=capture())
+    (capture() / "transforms.json").write_text("{}")
+    assert config.settle_dataparser() is settled
+    training_split(config)
+    assert capsys.readouterr().out.count("has the layout of") == 1
+
+
+@pytest.mark.slow
+def test_config_yml_names_the_dataparser_that_was_recognised(tmp_path):
+    from lab.synthetic import write_scene
+
+    scene = write_scene(EIGHT_VIEWS, tmp_path / "scene")
+    assert scene.folder is not None
+    config = registered_desplat(scene, tmp_path / "out", max_num_iterations=2)
+    config.pipeline.model.effects.auto = False
+    config.pipeline.datamanager.dataparser = DeSplatDataParserConfig()
+    config.pipeline.datamanager.data = scene.folder
+    set_up(config)
+    (tmp_path / "scene" / "transforms.json").write_text(json.dumps({"frames": []}))
+    saved = yaml.load((config.get_base_dir() / "config.yml").read_text(), Loader=yaml.UnsafeLoader)
+    manager = saved.pipeline.datamanager
+    assert manager.dataparser == RobustNerfDataParserConfig(data=scene.folder)
+    assert manager.settle_dataparser() == RobustNerfDataParserConfig(data=scene.folder)
+
+
+@pytest.mark.parametrize("present", ["nothing", "photos", "a damaged model"])
+def test_a_capture_that_cannot_be_read_leaves_no_folder_behind(
+    tmp_path: Path, capture, photo_writer, present: str
+):
+    from nerfstudio.scripts import train
+
+    data = tmp_path / "data"
+    if present == "photos":
+        photo_writer(data / "a.jpg")
+    elif present == "a damaged model":
+        data = capture()
+        (data / "sparse" / "0" / "points3D.txt").write_text("1 nan")
+    config: Any = copy.deepcopy(all_methods["desplat"])
+    config.data, config.output_dir, config.vis = data, tmp_path / "outputs", "tensorboard"
+    with pytest.raises(CaptureError):
+        train.main(config)
+    assert not config.output_dir.exists()

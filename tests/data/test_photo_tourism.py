@@ -1,0 +1,186 @@
+"""`photo-tourism-data`: the folders as they are downloaded, photos of any size, NeRF-W's split."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+import torch
+from PIL import Image
+
+from desplat_ns.core.errors import CaptureError, ConfigError
+from desplat_ns.data.colmap import DeSplatColmapDataParserConfig
+from desplat_ns.data.dataset import CaptureDataset
+from desplat_ns.data.photo_tourism import (
+    PhotoTourismDataParser,
+    PhotoTourismDataParserConfig,
+)
+
+
+def parser_of(data: Path, **options) -> PhotoTourismDataParser:
+    return PhotoTourismDataParserConfig(data=data, **options).setup()
+
+
+def names(parser: PhotoTourismDataParser, split: str) -> list[str]:
+    return [path.name for path in parser.get_dataparser_outputs(split).image_filenames]
+
+
+def resize_camera(data: Path, camera_id: int, width: int, height: int) -> None:
+    """Another size for one camera of the reconstruction."""
+    file = data / "dense" / "sparse" / "cameras.txt"
+    lines = file.read_text().splitlines()
+    lines[camera_id - 1] = f"{camera_id} PINHOLE {width} {height} 10 11 {width / 2} {height / 2}"
+    file.write_text("\n".join(lines) + "\n")
+
+
+# --- layouts ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("images", "sparse"),
+    [("dense/images", "dense/sparse"), ("dense/images", "dense/sparse/0"), ("images", "sparse")],
+)
+def test_the_usual_layouts_are_found(scene, images: str, sparse: str):
+    data = scene(images=images, sparse=sparse)
+    paths = parser_of(data).get_dataparser_outputs("train").image_filenames
+    assert paths == [data / images / "a.jpg", data / images / "b.jpg"]
+
+
+def test_undistorted_photos_come_before_the_originals(scene):
+    data = scene()
+    scene(images="images", sparse="sparse/0")
+    assert parser_of(data).config.images_path == Path("dense/images")
+
+
+def test_photos_of_one_root_never_go_with_the_reconstruction_of_the_other(scene):
+    data = scene(images="images")
+    with pytest.raises(CaptureError, match="--images-path"):
+        parser_of(data).get_dataparser_outputs("train")
+    named = parser_of(data, images_path=Path("images"))
+    assert names(named, "train") == ["a.jpg", "b.jpg"]
+
+
+def test_no_reconstruction_says_where_it_was_looked_for(scene):
+    data = scene()
+    shutil.rmtree(data / "dense" / "sparse")
+    with pytest.raises(CaptureError, match="dense/sparse"):
+        parser_of(data).get_dataparser_outputs("train")
+    with pytest.raises(CaptureError, match="nowhere"):
+        parser_of(data / "nowhere").get_dataparser_outputs("train")
+
+
+# --- split --------------------------------------------------------------------------------------
+
+
+def test_the_split_file_decides_and_test_stands_in_for_val(scene):
+    parser = parser_of(scene())
+    assert names(parser, "train") == ["a.jpg", "b.jpg"]
+    assert names(parser, "val") == names(parser, "test") == ["c.jpg"]
+    camera = parser.get_dataparser_outputs("test").cameras[0]
+    assert (camera.width.item(), camera.height.item()) == (12, 4)  # that of the photo
+
+
+@pytest.mark.parametrize("folder", ["dense", "."])
+def test_the_split_file_is_found_in_dense_and_above_it(scene, folder: str):
+    data = scene()
+    (data / "scene.tsv").rename(data / folder / "scene.tsv")
+    # d.jpg would be used by a split that is drawn.
+    assert names(parser_of(data), "train") == ["a.jpg", "b.jpg"]
+    assert names(parser_of(data / "dense"), "train") == ["a.jpg", "b.jpg"]
+
+
+def test_of_several_split_files_one_can_be_named(scene, split_writer):
+    data = scene()
+    split_writer(data / "mine.txt", {"a.jpg": "test", "b.jpg": "train", "d.jpg": "train"})
+    assert names(parser_of(data, split_file=Path("mine.txt")), "test") == ["a.jpg"]
+
+
+def test_without_a_split_file_photos_are_drawn_and_named(scene, capsys):
+    data = scene(None)
+    parser = parser_of(data)
+    train, test = names(parser, "train"), names(parser, "test")
+    assert (len(train), len(test)) == (3, 1)
+    assert sorted(train + test) == ["a.jpg", "b.jpg", "c.jpg", "d.jpg"]
+    assert capsys.readouterr().out.count(test[0]) == 1
+    drawn = {tuple(names(parser_of(data, seed=seed), "test")) for seed in range(8)}
+    assert len(drawn) > 1
+
+
+@pytest.mark.parametrize("fraction", [0.0, 1.0, float("nan")])
+def test_fractions_outside_zero_and_one_are_refused(scene, fraction: float):
+    with pytest.raises(ConfigError, match="--test-fraction"):
+        parser_of(scene(), test_fraction=fraction)
+
+
+def test_a_fraction_that_is_asked_for_comes_before_any_split_file(scene):
+    data = scene()
+    assert len(names(parser_of(data, test_fraction=0.5), "train")) == 2
+    assert len(names(parser_of(data, test_fraction=0.5), "test")) == 2
+    named = parser_of(data, split_file=Path("scene.tsv"), test_fraction=0.5)
+    assert len(names(named, "test")) == 2
+
+
+# --- photos -------------------------------------------------------------------------------------
+
+
+def test_by_default_each_photo_is_halved_until_it_is_small_enough(scene, photo_writer, capsys):
+    data = scene()
+    resize_camera(data, 1, 3300, 3)
+    photo_writer(data / "dense" / "images" / "a.jpg", 3300, 3)
+    outputs = parser_of(data).get_dataparser_outputs("train")
+    sizes = torch.cat([outputs.cameras.width, outputs.cameras.height], dim=1)
+    assert sizes.tolist() == [[825, 1], [6, 8]]  # 3300 / 4, 3 / 4 and never below one pixel
+    assert outputs.cameras.fx.flatten().tolist() == [2.5, 10.0]
+    assert "1 of 2 photos" in capsys.readouterr().out
+    dataset = CaptureDataset(outputs)
+    assert dataset.get_data(0)["image"].shape == (1, 825, 3)
+
+
+def test_photos_of_every_size_keep_it_and_a_downscale_factor_is_the_same_for_all(scene):
+    data = scene()
+    dataset = CaptureDataset(parser_of(data).get_dataparser_outputs("train"))
+    dataset.check_photos()
+    assert [tuple(dataset.get_data(i)["image"].shape) for i in range(2)] == [(6, 8, 3), (8, 6, 3)]
+    cameras = parser_of(data, downscale_factor=2).get_dataparser_outputs("train").cameras
+    assert cameras.width.flatten().tolist() == [4, 3]
+    assert cameras.height.flatten().tolist() == [3, 4]
+
+
+def test_gt_masks_are_listed_beside_the_photos_but_never_mask_training(scene):
+    data = scene()
+    (data / "masks").mkdir()
+    Image.new("L", (6, 8)).save(data / "masks" / "b.png")
+    outputs = parser_of(data).get_dataparser_outputs("train")
+    expected = [None, data / "masks" / "b.png"]
+    assert outputs.metadata["distractor_mask_filenames"] == expected
+    assert outputs.mask_filenames is None
+
+
+# --- the rest is the colmap parser's ------------------------------------------------------------
+
+
+def test_poses_and_points_are_those_of_the_colmap_parser(scene):
+    data, options = scene(), {"orientation_method": "pca", "scale_factor": 2.0}
+    ours = parser_of(data, **options).get_dataparser_outputs("train")
+    paths = {"images_path": Path("dense/images"), "colmap_path": Path("dense/sparse")}
+    colmap = DeSplatColmapDataParserConfig(data=data, eval_mode="all", **paths, **options).setup()
+    theirs = colmap.get_dataparser_outputs("train")
+    torch.testing.assert_close(
+        ours.cameras.camera_to_worlds, theirs.cameras.camera_to_worlds[:2], rtol=0, atol=0
+    )
+    torch.testing.assert_close(ours.metadata["points3D_xyz"], theirs.metadata["points3D_xyz"])
+    assert ours.dataparser_scale == theirs.dataparser_scale
+
+
+@pytest.mark.real_data
+def test_sacre_coeur_has_eight_photos_to_train_on_and_two_for_testing(data_folder):
+    data = data_folder("sacre_coeur")
+    parser = parser_of(data)
+    outputs = parser.get_dataparser_outputs("train")
+    assert len(outputs.image_filenames) == 8
+    assert names(parser, "test") == ["10265353_3838484249.jpg", "71295362_4051449754.jpg"]
+    sizes = torch.cat([outputs.cameras.width, outputs.cameras.height], dim=1)
+    assert len(sizes.unique(dim=0)) == 8
+    assert len(outputs.metadata["points3D_xyz"]) > 4000
+    CaptureDataset(outputs).check_photos()

@@ -1,0 +1,175 @@
+"""Metrics: hand-worked values, scikit-image as independent reference, LPIPS without weights."""
+
+from __future__ import annotations
+
+import json
+import math
+import socket
+from typing import Any
+from urllib.error import URLError
+
+import numpy as np
+import pytest
+import torch
+import torchvision.models
+from skimage.metrics import structural_similarity
+from torch import nn
+
+from desplat_ns import metrics
+from desplat_ns.metrics import (
+    PSNR_MAX,
+    LazyLpips,
+    image_metrics,
+    psnr,
+    ssim,
+)
+
+
+def _pair(seed: int = 0, height: int = 24, width: int = 31) -> tuple[torch.Tensor, torch.Tensor]:
+    generator = torch.Generator().manual_seed(seed)
+    truth = torch.rand((height, width, 3), generator=generator)
+    noise = 0.1 * torch.randn((height, width, 3), generator=generator)
+    return (truth + noise).clamp(0, 1), truth
+
+
+# --- PSNR, SSIM ---------------------------------------------------------------------------------
+
+
+def test_an_error_of_a_tenth_everywhere_is_20_db():
+    truth = torch.full((2, 3, 3), 0.5, dtype=torch.float64)
+    assert psnr(truth + 0.1, truth) == pytest.approx(20.0, abs=1e-9)  # -10 log10(0.01)
+
+
+def test_psnr_of_identical_images_is_a_number_that_json_can_hold():
+    image, _ = _pair()
+    assert psnr(image, image) == PSNR_MAX
+    assert json.loads(json.dumps(psnr(image, image), allow_nan=False)) == PSNR_MAX
+
+
+def test_psnr_does_not_hide_values_that_are_not_numbers():
+    _, truth = _pair()
+    pred = truth.clone()
+    pred[0, 0, 0] = math.nan
+    assert math.isnan(psnr(pred, truth))
+
+
+def test_ssim_agrees_with_scikit_image():
+    """Same window (11 x 11, sigma 1.5) and constants; the mean over whole windows only."""
+    pred, truth = _pair(0, 40, 33)
+    ssim_map = structural_similarity(
+        truth.double().numpy(),
+        pred.double().numpy(),
+        channel_axis=2,
+        gaussian_weights=True,
+        sigma=1.5,
+        use_sample_covariance=False,
+        data_range=1,
+        full=True,
+    )[-1]
+    theirs = np.mean(ssim_map[5:-5, 5:-5])
+    # float32 variances of order 0.1, from differences of squares summed over 121 weights, over
+    # denominators that are at least as large: about 121 roundings of 6e-8.
+    assert ssim(pred, truth) == pytest.approx(theirs, abs=121 * 6e-8)
+
+
+# --- LPIPS --------------------------------------------------------------------------------------
+
+
+class _Offline:
+    calls = 0
+
+    def __init__(self, *args: object, **kwargs: object) -> None:
+        type(self).calls += 1
+        raise URLError("no network [/cache]/[alex].pth")
+
+
+class _Distance(nn.Module):
+    """Stands in for torchmetrics' metric; says what it was built with."""
+
+    built: tuple[object, ...] = ()
+    resets = 0
+    timeout: float | None = None
+
+    def __init__(self, *args: object, **kwargs: object) -> None:
+        super().__init__()
+        type(self).built = (*args, kwargs)
+        type(self).timeout = socket.getdefaulttimeout()
+
+    def forward(self, truth: torch.Tensor, pred: torch.Tensor) -> torch.Tensor:
+        return (truth - pred).abs().mean()
+
+    def reset(self) -> None:
+        type(self).resets += 1
+
+
+@pytest.fixture
+def offline(monkeypatch: pytest.MonkeyPatch) -> type[_Offline]:
+    monkeypatch.setattr(_Offline, "calls", 0)
+    monkeypatch.setattr("torchmetrics.image.lpip.LearnedPerceptualImagePatchSimilarity", _Offline)
+    return _Offline
+
+
+@pytest.fixture
+def online(monkeypatch: pytest.MonkeyPatch) -> type[_Distance]:
+    monkeypatch.setattr(_Distance, "resets", 0)
+    monkeypatch.setattr("torchmetrics.image.lpip.LearnedPerceptualImagePatchSimilarity", _Distance)
+    return _Distance
+
+
+def _planes(side: int = 64) -> tuple[torch.Tensor, torch.Tensor]:
+    return torch.zeros((1, 3, side, side)), torch.full((1, 3, side, side), 0.25)
+
+
+def test_without_weights_lpips_is_none_and_says_why_once(
+    offline: type[_Offline], capsys: pytest.CaptureFixture[str], tmp_path, monkeypatch
+):
+    monkeypatch.setenv("TORCH_HOME", str(tmp_path))
+    lpips = LazyLpips()
+    assert lpips.reason is None
+    assert [lpips(*_planes()) for _ in range(3)] == [None, None, None]
+    assert offline.calls == 1
+    assert lpips.reason is not None
+    said = capsys.readouterr().out
+    assert "no network" in lpips.reason and f"{tmp_path}/hub/checkpoints/alexnet" in lpips.reason
+    assert said.count("LPIPS") == 1 and "[/cache]/[alex].pth" in said  # brackets are no markup
+
+
+def test_lpips_is_built_when_first_called_as_splatfacto_builds_it(online: type[_Distance]):
+    model: Any = nn.Module()
+    model.lpips, online.built = LazyLpips(), ()
+    distance = model.lpips(*_planes())
+    assert distance is not None
+    assert float(distance) == pytest.approx(0.25)
+    assert not model.state_dict()  # a checkpoint holds nothing of it
+    assert online.built == ("alex", {"normalize": True})
+    assert online.resets == 1
+    assert online.timeout == metrics.DOWNLOAD_TIMEOUT and socket.getdefaulttimeout() is None
+
+
+def test_images_too_small_for_alexnet_get_no_lpips_and_for_vgg_they_may_be_smaller(
+    online: type[_Distance],
+):
+    lpips = LazyLpips()
+    assert lpips(*_planes(20)) is None
+    assert str(metrics._NETS["alex"][2]) in (lpips.reason or "")
+    lpips.use("vgg")
+    assert lpips(*_planes(20)) is not None and online.built == ("vgg", {"normalize": True})
+
+
+@pytest.mark.parametrize(
+    ("net", "model", "layers"), [("alex", "alexnet", 12), ("vgg", "vgg16", 30)]
+)
+def test_the_smallest_side_is_the_networks(net: Any, model: str, layers: int):
+    """Run through the layers that LPIPS taps, without weights."""
+    side = metrics._NETS[net][2]
+    with torch.device("meta"):
+        features = getattr(torchvision.models, model)(weights=None).features[:layers]
+        assert features(torch.zeros((1, 3, side, side))).numel() > 0
+        with pytest.raises(RuntimeError):
+            features(torch.zeros((1, 3, side - 1, side - 1)))
+
+
+def test_what_is_scored_is_what_would_be_saved():
+    _, truth = _pair()
+    white = torch.ones_like(truth)
+    assert image_metrics(7 * white, white) == image_metrics(white, white)

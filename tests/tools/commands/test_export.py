@@ -1,0 +1,134 @@
+"""desplat-export on a tiny run: files are whole; mistakes are told at once and leave nothing."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from desplat_ns.core.errors import CaptureError, ConfigError
+from tests.helpers.splat_files import read_glb
+
+TRAINING_PHOTOS = 6
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("frame", ["upright", "training"])
+def test_every_format_holds_the_same_gaussians(trained: Path, tmp_path: Path, frame: Any):
+    from plyfile import PlyData
+
+    from desplat_ns.tools.commands.export import Splats
+
+    for name in ("a.ply", "a.glb", "a.spz"):
+        Splats(trained, output=tmp_path / name, frame=frame).main()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.glb", "a.ply", "a.spz"]
+    table = PlyData.read(tmp_path / "a.ply")["vertex"].data
+    x, y, z = (table[name] for name in "xyz")
+    points = read_glb((tmp_path / "a.glb").read_bytes())[1]["POSITION"]
+    up = (x, y, z) if frame == "training" else (x, -y, -z)  # a PLY has its y down
+    assert np.allclose(np.stack(up, axis=1), points, atol=1e-6)
+    assert (tmp_path / "a.spz").stat().st_size < (tmp_path / "a.ply").stat().st_size / 4
+
+
+@pytest.mark.slow
+def test_splats_need_nothing_of_the_capture_and_all_else_names_where_it_was(
+    trained: Path, tmp_path: Path
+):
+    from desplat_ns.tools.commands.export import Masks, Splats
+
+    moved = Path(shutil.copytree(trained.parent, tmp_path / "moved"))
+    (moved / "config.yml").write_text(trained.read_text().replace("tiny_scene", "gone_scene"))
+    for config, name in ((trained, "there.ply"), (moved / "config.yml", "gone.ply")):
+        Splats(config, output=tmp_path / name, frame="capture").main()
+    assert (tmp_path / "gone.ply").read_bytes() == (tmp_path / "there.ply").read_bytes()
+    with pytest.raises(CaptureError, match=r"gone_scene.*--data"):
+        Masks(moved / "config.yml", output=tmp_path / "masks").main()
+
+
+@pytest.mark.slow
+def test_a_crop_leaves_out_what_is_far_and_says_so(trained: Path, tmp_path: Path, capsys):
+    from desplat_ns.tools.commands.export import Splats
+
+    counts = []
+    for crop in (None, 1.0, 1e6):
+        Splats(trained, output=tmp_path / f"{crop}.glb", crop=crop).main()
+        counts.append(len(read_glb((tmp_path / f"{crop}.glb").read_bytes())[1]["POSITION"]))
+    assert 0 < counts[1] < counts[0] == counts[2]
+    assert f"leaves out {counts[0] - counts[1]}" in capsys.readouterr().out
+    with pytest.raises(ConfigError, match="--crop"):
+        Splats(trained, output=tmp_path / "none.glb", crop=1e-6).main()
+    assert not (tmp_path / "none.glb").exists()
+
+
+@pytest.mark.slow
+def test_every_training_photo_has_a_mask_of_its_size(
+    trained: Path, tmp_path: Path, tiny_scene, monkeypatch: pytest.MonkeyPatch
+):
+    """Distractors are faint after so few steps: anything that is there counts."""
+    from desplat_ns.tools.commands.export import Masks
+
+    monkeypatch.setattr("desplat_ns.tools.export.masks.MASK_THRESHOLD", 0.05)
+    Masks(trained, output=tmp_path / "a").main()
+    Masks(trained, output=tmp_path / "b", invert=True, dilate=2.0, names="nerfstudio").main()
+    used = sorted((tmp_path / "a").iterdir())
+    masked = sorted((tmp_path / "b").iterdir())
+    assert len(used) == len(masked) == TRAINING_PHOTOS
+    some = False
+    for mask, other in zip(used, masked, strict=True):
+        photo = tiny_scene.folder / "images" / mask.name.removesuffix(".png")
+        assert other.name == f"{photo.stem}.png"
+        black, white = (np.asarray(Image.open(path)) for path in (mask, other))
+        assert black.shape == Image.open(photo).size[::-1] == white.shape
+        assert black.dtype == np.uint8 and set(np.unique(black)) <= {0, 255}
+        assert (white[black == 0] == 255).all(), "a grown mask holds the mask"
+        some |= bool((black == 0).any() and (white == 255).sum() > (black == 0).sum())
+    assert some, "something is masked, and grows"
+
+
+@pytest.mark.slow
+def test_masks_that_do_not_fit_on_the_disk_leave_the_earlier_ones(
+    trained: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    from desplat_ns.tools.commands.export import Masks
+
+    def full(path: Path, content: bytes) -> int:
+        raise OSError(28, "No space left on device")
+
+    (tmp_path / "photo_0000.png.png").write_text("before")
+    monkeypatch.setattr(Path, "write_bytes", full)
+    with pytest.raises(ConfigError, match="No space left"):
+        Masks(trained, output=tmp_path, overwrite=True).main()
+    assert [path.read_text() for path in tmp_path.iterdir()] == ["before"]
+
+
+@pytest.mark.slow
+def test_a_run_without_distractors_has_no_masks(tiny_run, tmp_path: Path):
+    from nerfstudio.scripts import train
+
+    from desplat_ns.tools.commands.export import Masks
+
+    config: Any = tiny_run(tmp_path / "runs")
+    config.max_num_iterations = 2
+    config.pipeline.model.effects.distractors = False
+    train.main(config)
+    with pytest.raises(ConfigError, match="distractors"):
+        Masks(config.get_base_dir() / "config.yml", output=tmp_path / "masks").main()
+    assert not (tmp_path / "masks").exists()
+
+
+@pytest.mark.slow
+def test_a_page_is_whole_and_not_replaced_unasked(trained: Path, tmp_path: Path, capsys):
+    from desplat_ns.tools.commands.export import Page
+
+    Page(trained, output=tmp_path / "a.html", training_photos=2).main()
+    said = " ".join(capsys.readouterr().out.split())
+    size = (tmp_path / "a.html").stat().st_size
+    assert f"a page with the scene in it, {size / 1e6:.1f} MB" in said
+    assert "2 of 6 training photos" in said
+    assert [path.name for path in tmp_path.iterdir()] == ["a.html"]
+    with pytest.raises(ConfigError, match="--overwrite"):
+        Page(trained, output=tmp_path / "a.html").main()

@@ -1,0 +1,53 @@
+"""`desplat-survey`: the findings are written, by the data parser that is asked for."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from desplat_ns.core.errors import ConfigError
+from desplat_ns.tools.commands import split_words
+from desplat_ns.tools.commands.survey import Arguments
+
+
+def found(folder: Path) -> dict[str, Any]:
+    """The findings that were written."""
+    return json.loads((folder / "survey.json").read_text())
+
+
+@pytest.mark.slow
+def test_a_capture_is_found_and_the_findings_are_written(tiny_scene, tmp_path: Path, capsys):
+    Arguments(tiny_scene.folder, tmp_path / "out").main()
+    assert "robustnerf-data" in capsys.readouterr().out
+    assert found(tmp_path / "out")["appearance"]["decision"] == "off"
+    assert (tmp_path / "out" / "survey.png").stat().st_size > 1000
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("tyro_may_build")
+def test_a_data_parser_and_its_options_choose_the_photos(tiny_scene, tmp_path: Path):
+    clean = ("robustnerf-data", "--train-split-clean-clutter-ratio", "0")
+    words = [str(tiny_scene.folder), "--output", str(tmp_path / "clean"), *clean]
+    arguments, parser = split_words(Arguments, "desplat-survey", words)
+    arguments.main(parser)
+    assert found(tmp_path / "clean")["num_photos"] == tiny_scene.spec.num_views
+    Arguments(tiny_scene.folder, tmp_path / "all").main(("colmap",))
+    assert found(tmp_path / "all")["num_photos"] > tiny_scene.spec.num_views
+
+
+@pytest.mark.parametrize("name", ["survey.json", "survey.png"])
+def test_findings_that_are_there_are_replaced_only_if_that_is_asked_for(
+    tiny_scene, tmp_path: Path, name: str
+):
+    (tmp_path / name).write_text("before")
+    arguments = Arguments(tiny_scene.folder, tmp_path)
+    with pytest.raises(ConfigError, match=name):
+        arguments.main()
+    assert [path.read_text() for path in tmp_path.iterdir()] == ["before"]
+    arguments.overwrite = True
+    arguments.main()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["survey.json", "survey.png"]
+    assert (tmp_path / name).read_bytes() != b"before"

@@ -1,0 +1,123 @@
+"""A run is trained and scored in a process of its own; runs without a record are done and
+recorded, wherever that is."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from desplat_ns.core.errors import DeSplatError
+from desplat_ns.tools.studies import runs as module
+from desplat_ns.tools.studies.machine import code_version
+from desplat_ns.tools.studies.records import FILE, Key, Record, load
+from desplat_ns.tools.studies.runs import Executor, Run, execute
+from lab.synthetic import Scene
+from tests.helpers.made_up_runs import made_up
+
+REST = {"commit": "c", "device_name": "a CPU"}
+
+
+def run_on(folder: Path | None) -> Run:
+    options = ("--pipeline.model.num-downscales", "0")
+    return Run("ours", "desplat", options, 3, 42, folder or Path("/absent"), ("robustnerf-data",))
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("tyro_may_build")
+def test_a_run_gives_scores_and_says_of_which_code_and_on_what(tiny_scene: Scene, tmp_path: Path):
+    run = run_on(tiny_scene.folder)
+    record = execute(run, tmp_path)
+    assert {"psnr", "mask_iou", "num_masks"} <= set(record.scores)
+    assert 0 < record.scores["train_wall_seconds"] < record.seconds
+    assert record.scores["backend"] in ("numba", "gsplat") and "torch" in record.scores["versions"]
+    assert (record.commit, record.key) == (code_version(), run.key)
+    assert len(list((tmp_path / "ours-3-42" / "pictures").glob("*.png"))) == 2
+    assert not list(tmp_path.rglob("nerfstudio_models")), "nobody needs them"
+
+
+@pytest.fixture
+def program(tmp_path: Path, monkeypatch):
+    """Put a line of Python in the place of the program that trains and scores."""
+
+    def put(line: str) -> None:
+        (tmp_path / "probe.py").write_text(f"import json, os, sys\n{line}\n")
+
+    monkeypatch.syspath_prepend(tmp_path)  # what this process can import, the other can
+    monkeypatch.setattr(module, "PROGRAM", "probe")
+    return put
+
+
+def writing(figures: str) -> str:
+    return f"json.dump(dict({REST!r}, figures={figures}), open(sys.argv[1], 'w'))"
+
+
+def test_the_process_has_one_thread_and_its_numbers_and_texts_are_kept(
+    program, monkeypatch, tmp_path: Path
+):
+    for name in (names := ("OMP_WAIT_POLICY", "OMP_NUM_THREADS", "NUMBA_NUM_THREADS")):
+        monkeypatch.delenv(name, raising=False)
+    program(writing("{**os.environ, 'psnr': 1.5, 'images': [1], 'versions': {'a': '1'}}"))
+    record = execute(run_on(tmp_path), tmp_path / "runs")
+    assert [record.scores[name] for name in names] == ["passive", "1", "1"]
+    assert record.scores["psnr"] == 1.5 and record.scores["versions"] == "a 1"
+    assert "images" not in record.scores
+    given = "--max-num-iterations 3 --pipeline.model.num-downscales 0 robustnerf-data"
+    assert record.key == ("desplat", given, str(tmp_path), 42)
+
+
+def test_a_run_replaces_an_earlier_one_and_leaves_its_log_where_it_fails(program, tmp_path: Path):
+    earlier = tmp_path / "runs" / "ours-3-42"
+    earlier.mkdir(parents=True)
+    (earlier / "old.png").touch()
+    with pytest.raises(DeSplatError, match="/absent"):
+        execute(run_on(None), tmp_path / "runs")
+    program("sys.exit('no')")
+    with pytest.raises(DeSplatError, match=r"run\.log"):
+        execute(run_on(tmp_path), tmp_path / "runs")
+    assert "no" in (earlier / "run.log").read_text()
+    program(writing("{}"))
+    execute(run_on(tmp_path), tmp_path / "runs")
+    assert sorted(path.name for path in earlier.iterdir()) == ["results.json", "run.log"]
+
+
+RUNS = [Run("a", "desplat", (), 9, seed, Path("/photos")) for seed in range(4)]
+
+
+def failing(run: Run, folder: Path) -> Record:
+    if run.seed == 1:
+        raise DeSplatError("too dark")
+    return made_up(run, folder)
+
+
+def test_runs_are_recorded_and_those_that_fail_leave_the_others(tmp_path: Path):
+    records, places = dict[Key, Record](), (tmp_path / FILE, tmp_path)
+    failed = Executor(jobs=2, do=failing).finish(RUNS, records, *places)
+    assert failed == {"a-9-1": "too dark"} and sorted(key[-1] for key in records) == [0, 2, 3]
+    assert load(tmp_path / FILE) == records
+    assert Executor(do=made_up).finish(RUNS, records, *places) == {}
+    assert [key[-1] for key in load(tmp_path / FILE)][3:] == [1], "nothing is done twice"
+
+
+def test_the_next_run_is_asked_for_when_there_is_a_place_for_it(tmp_path: Path):
+    """So that who gives the runs may go by the clock."""
+    events = []
+
+    def coming():
+        for run in RUNS:
+            events.append(("asked", run.seed))
+            yield run
+
+    def do(run: Run, folder: Path) -> Record:
+        events.append(("done", run.seed))
+        return made_up(run, folder)
+
+    Executor(do=do).finish(coming(), {}, tmp_path / FILE, tmp_path)
+    assert events == [(what, seed) for seed in range(4) for what in ("asked", "done")]
+
+
+def test_a_study_without_ray_says_what_to_install(monkeypatch, tmp_path: Path):
+    monkeypatch.setitem(sys.modules, "ray", None)
+    with pytest.raises(DeSplatError, match="pip install"):
+        Executor("ray").finish(RUNS, {}, tmp_path / FILE, tmp_path)

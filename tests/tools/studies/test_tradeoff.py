@@ -1,0 +1,212 @@
+"""A study of a capture with made-up runs: what fits into the time, sessions, what is claimed."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy import stats
+
+from desplat_ns.core.effects import Effects
+from desplat_ns.core.errors import ConfigError, DeSplatError
+from desplat_ns.tools.studies import tradeoff as module
+from desplat_ns.tools.studies.methods import parse
+from desplat_ns.tools.studies.page import Measured, corrected, p_value, verdicts, write_page
+from desplat_ns.tools.studies.records import FILE, Record, load, open_records
+from desplat_ns.tools.studies.runs import Executor, Run
+from desplat_ns.tools.studies.tradeoff import (
+    BASE,
+    GROWTH,
+    SEEDS,
+    SHORTEST,
+    WANTED,
+    Study,
+    compared,
+    pace_of,
+)
+from tests.helpers.made_up_runs import made_up
+
+pytestmark = pytest.mark.usefixtures("tyro_may_build")
+
+
+def study_of(seconds: float, records=None, output: Path = Path(), do=made_up) -> Study:
+    capture = Path("/photos/garden"), ("colmap",), "20 photos train", Effects()
+    return Study(*capture, output, seconds, Executor(do=do), records or {})
+
+
+FIRST = study_of(0.0).run_of()
+
+
+def records_of(*runs: Run):
+    """They take 5 s and a tenth of a second for each step."""
+    return {run.key: made_up(run, Path()) for run in runs}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "base", [Effects(), Effects(False, "camera", "image"), Effects(True, "affine", "sh")]
+)
+def test_variants_differ_from_the_base_in_one_thing_and_the_method_takes_them(base: Effects):
+    """And photos of a light of their own are scored in it."""
+    options = {}
+    for name, (_, words) in compared(base).items():
+        options[name] = dict(zip(words[::2], words[1::2], strict=True))
+        config = parse("desplat", words)
+        light = config.pipeline.model.effects.settled().image_light
+        assert config.pipeline.evaluation.protocol == ("half" if light else "right")
+    theirs = options.pop(BASE)
+    for name, ours in options.items():
+        changed = {k for k in ours if ours[k] != theirs.get(k)} - {"--pipeline.evaluation.protocol"}
+        assert len(changed) == 1, name
+
+
+def test_runs_are_expected_to_take_what_the_longest_of_their_variant_took():
+    short, long = replace(FIRST, steps=250), replace(FIRST, steps=1000)
+    other = replace(long, variant="fewer", options=("--fewer", "1"))
+    runs = [FIRST, short, long, other]
+    pace = pace_of(runs, records_of(FIRST))
+    assert pace(FIRST) == pytest.approx(5 + 12.5)
+    assert pace(long) == pace(other) == pytest.approx(5 + 100 * GROWTH)
+    slow = replace(made_up(other, Path()), seconds=405.0, scores={"train_wall_seconds": 400.0})
+    pace = pace_of(runs, records_of(FIRST, short) | {other.key: slow})
+    assert pace(long) == pytest.approx(105) and pace(other) == pytest.approx(405)
+
+
+@pytest.mark.parametrize("seconds", [30.0, 5e3, 1e6])
+def test_a_comparison_is_the_longest_that_fits(seconds: float):
+    records = records_of(FIRST)
+    pace, study = pace_of([FIRST], records), study_of(seconds, records)
+    steps = study.steps_that_fit(30_000)
+
+    def cost(steps: int) -> float:
+        seeds = SEEDS if steps > WANTED else SEEDS[:1]
+        return sum(pace(run) for run in study.plan(steps, 30_000) if run.seed in seeds)
+
+    assert steps == SHORTEST or cost(steps) <= seconds
+    assert 2 * steps > 30_000 or cost(2 * steps) > seconds
+
+
+def test_runs_that_do_not_fit_are_passed_over_and_asked_for_late():
+    study = study_of(100.0, records_of(FIRST))
+    study.planned = [FIRST, *(replace(FIRST, steps=steps) for steps in (10_000, 250))]
+    coming = study.fitting()
+    assert next(coming) == study.planned[2] and next(coming, None) is None
+    again = study.fitting()
+    study.seconds = study.spent + 10.0
+    assert next(again, None) is None, "the time is looked at when a run is asked for"
+
+
+# --- sessions ------------------------------------------------------------------------------------
+
+
+@dataclass
+class Time:
+    """A clock that made-up runs set forward."""
+
+    now: float = 0.0
+    failing: str = "nothing"
+    """How names of runs begin that fail."""
+    done: list[str] = field(default_factory=list)
+
+    def monotonic(self) -> float:
+        return self.now
+
+    def do(self, run: Run, folder: Path) -> Record:
+        self.done.append(run.name)
+        record = made_up(run, folder)
+        self.now += record.seconds
+        if run.name.startswith(self.failing):
+            raise DeSplatError("too dark")
+        return record
+
+
+@pytest.fixture
+def time(monkeypatch: pytest.MonkeyPatch) -> Time:
+    clock = Time()
+    monkeypatch.setattr(module, "time", clock)
+    return clock
+
+
+Sit = Callable[[float], Study]
+
+
+@pytest.fixture
+def sit(time: Time, tmp_path: Path) -> Sit:
+    """A session of a number of seconds in all."""
+
+    def session(seconds: float) -> Study:
+        time.done.clear()
+        study = study_of(seconds, open_records(tmp_path), tmp_path, time.do)
+        study.do()
+        return study
+
+    return session
+
+
+@pytest.mark.slow
+def test_runs_end_up_in_the_file_and_the_page(sit: Sit, time: Time, tmp_path: Path):
+    time.failing = "fewer-"
+    study = sit(7200.0)
+    assert study.spent <= 7200.0 and set(study.failed.values()) == {"too dark"}
+    assert len(load(tmp_path / FILE)) == len(time.done) - len(study.failed) > 20
+    assert {record.seed for record in study.records.values()} == {42, 43, 44}
+    page = write_page(study).read_text()
+    assert "garden" in page and "p &lt; 0.001" in page and "too dark" in page
+    outside = re.findall(r"<script|<link|(?:src|href)=.(?!data:|#)", page)
+    assert outside == [], "the page needs no other file"
+    assert "<svg" in page
+
+
+@pytest.mark.slow
+def test_another_session_goes_on_with_what_is_missing(sit: Sit, time: Time, tmp_path: Path):
+    first = sit(600.0)
+    before = list(time.done)
+    assert any(run.key not in first.records for run in first.planned), "time is over"
+    again = sit(600.0)
+    assert time.done == [] and [r.key for r in again.planned] == [r.key for r in first.planned]
+    assert again.spent == pytest.approx(first.spent), "earlier sessions count"
+    sit(1200.0)
+    assert time.done and not set(time.done) & set(before)
+    with pytest.raises(ConfigError, match="/photos/garden"):
+        module.open_study(Path("/photos/castle"), (), tmp_path, 600.0, Executor())
+
+
+# --- what may be claimed -------------------------------------------------------------------------
+
+
+def point(*psnr: float, variant: str = "other") -> Measured:
+    scores = ({"psnr": value} for value in psnr)
+    return Measured(variant, 100, dict(zip(SEEDS, scores, strict=False)))
+
+
+def test_a_difference_is_claimed_of_three_seeds_and_for_the_number_of_comparisons():
+    """t = 0.3 sqrt(3) / 0.1 = 5.2: p = 0.035 alone, 0.28 as one of eight."""
+    base, apart = point(20.0, 20.1, 20.2, variant=BASE), point(20.3, 20.5, 20.4)
+    assert verdicts([base, apart]) == ["", "+0.30 dB, p = 0.035"]
+    assert verdicts([base, *[apart] * 8])[1:] == ["+0.30 dB, not told apart (p = 0.28)"] * 8
+    claims = verdicts([base, apart, point(25.0)])
+    assert claims[1:] == ["+0.30 dB, p = 0.035", "+5.00 dB, 1 of 3 seeds: no claim"]
+    assert verdicts([apart]) == [""], "there is no base to compare it with"
+
+
+decibels = st.floats(-5, 5).map(lambda x: round(x, 3))
+
+
+@given(st.tuples(decibels, decibels, decibels))
+def test_p_is_that_of_a_paired_t_test(differences):
+    """Both round sums of three numbers; near 0 scipy's own has 1e-12 or so."""
+    if len(set(differences)) > 1:
+        expected = stats.ttest_1samp(differences, 0.0)[1]
+        assert p_value(differences) == pytest.approx(expected, abs=1e-9)
+    assert p_value((0.5, 0.5, 0.5)) == 0.0 and p_value((0.0, 0.0, 0.0)) == 1.0
+
+
+def test_holms_correction_is_as_worked_out_by_hand():
+    """4 x 0.01, 3 x 0.02, then 2 x 0.022 and 0.5, but no less than what comes before."""
+    assert corrected([0.02, 0.5, 0.01, 0.022]) == pytest.approx([0.06, 0.5, 0.04, 0.06])
+    assert corrected([]) == [] and corrected([0.7, 0.8]) == [1.0, 1.0]

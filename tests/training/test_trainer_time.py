@@ -1,0 +1,72 @@
+"""What a run says of its time, and that to find it out changes nothing of the run."""
+
+from __future__ import annotations
+
+import re
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from desplat_ns.core.checkpoint import load_newest
+from desplat_ns.training import clock
+from desplat_ns.training import trainer as trainer_module
+from desplat_ns.training.pipeline import DeSplatPipeline
+from tests.helpers.registered import set_up
+from tests.helpers.stub_run import assert_same
+
+SECONDS = 10.0
+
+
+@pytest.fixture
+def timed(tiny_run, tmp_path, monkeypatch) -> Any:
+    """Trains the tiny scene after trial steps, each step in ten seconds of a clock of its own."""
+    now = [0.0]
+    losses = DeSplatPipeline.get_train_loss_dict
+
+    def slow_losses(self: Any, step: int) -> Any:
+        now[0] += SECONDS
+        return losses(self, step)
+
+    def train(folder: str = "timed", **changes: Any) -> Any:
+        config = tiny_run(tmp_path / folder)
+        vars(config).update(changes)
+        trainer = set_up(config, 1)
+        trainer.train()
+        return trainer
+
+    monkeypatch.setattr(trainer_module, "time", SimpleNamespace(monotonic=lambda: now[0]))
+    monkeypatch.setattr(trainer_module, "process_started", lambda: 0.0)
+    monkeypatch.setattr(trainer_module, "TIMED_FROM", 1)
+    monkeypatch.setattr(DeSplatPipeline, "get_train_loss_dict", slow_losses)
+    for price in ("GAUSSIAN", "LAYER", "LOOK"):  # as much as thousands of such photos
+        monkeypatch.setattr(clock, price, 0)
+    return train
+
+
+def test_trial_steps_change_no_bit_of_what_is_trained(timed, monkeypatch):
+    with_trial = load_newest(timed().checkpoint_dir)[1]
+    monkeypatch.setattr(trainer_module, "TIMED_FROM", 10**9)
+    without = load_newest(timed("untimed").checkpoint_dir)[1]
+    for state in (with_trial, without):
+        del state["rng"]["python"]  # the checks of types in tests draw from it: there are more
+    assert_same(with_trial, without)
+
+
+def test_time_is_told_before_the_first_step_and_then_each_minute(timed, capsys):
+    trainer = timed()
+    lines = capsys.readouterr().out
+    assert "About 4 min on this machine for 24 steps." in lines
+    told = re.findall(r"Step (\d+) of 24, about (\d+) (s|min)( 30 s)? left", lines)
+    assert [int(step) for step, *_ in told] == [6, 12, 18]
+    for step, number, unit, half in told:
+        left = int(number) * (60 if unit == "min" else 1) + 30 * bool(half)
+        assert left == pytest.approx(SECONDS * (24 - int(step)), abs=15)
+    assert not any("ETA" in s.value for s in trainer.config.logging.local_writer.stats_to_track)
+
+
+def test_a_run_that_goes_on_tells_what_is_left(timed, capsys):
+    first = timed(max_num_iterations=6)
+    capsys.readouterr()
+    timed("on", load_dir=first.checkpoint_dir)
+    assert "About 3 min on this machine for 18 steps." in capsys.readouterr().out
