@@ -63,9 +63,6 @@ class Thresholds:
     shared_detail: float = 0.7
     """Correlation of the detail of photo and scene above which it is the scene's in another light.
     """
-    most_contrast: float = 1.5
-    """No light makes a photo's detail so much stronger than the scene's; a ghost that the scene has
-    learned from that photo is so much weaker than what stands there."""
     outline_window: int = 13
     """Cells (an odd number) over which a region is explained by the photo's colours."""
     outline_noise: float = 1e-4
@@ -238,9 +235,7 @@ def shared_detail(
     s, p, ss, pp, sp = window_means(torch.stack([s, p, s * s, p * p, s * p]), by.detail_window)
     of_static = (ss - s * s).clamp(min=0) + by.detail_noise
     of_photo = (pp - p * p).clamp(min=0) + by.detail_noise
-    common = sp - s * p
-    alike = common / (of_static * of_photo).sqrt()
-    return alike.masked_fill(common / of_static > by.most_contrast, 0.0)
+    return (sp - s * p) / (of_static * of_photo).sqrt()
 
 
 @torch.no_grad()

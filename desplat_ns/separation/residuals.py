@@ -47,10 +47,6 @@ log(residual / level of its view)."""
 LEAST_VIEWS = 2
 """Of two views nobody can tell which is right; a median of three holds against one."""
 
-TYPICAL_WEIGHT = 0.02
-"""Opacity per cell with which what is usual in the whole scene counts everywhere. Where no Gaussian
-has weight, as before bare walls that few views see, it decides alone."""
-
 MIN_RESIDUAL = 1e-4
 """Below this, residuals (colours in [0, 1]) are equal."""
 
@@ -106,7 +102,7 @@ def excess_residual(
     """The residual beyond the expected one, and what the Gaussians remember with this view.
 
     What is usual around the Gaussians in a part of the image is expected there, each counting by
-    its opacity; where they are few, what is usual in the whole scene is.
+    its opacity; where there is none, the view's level is.
 
     Args:
         residual: `local_residual` of the view.
@@ -160,11 +156,9 @@ def cells_of(
 def _mean_by_cell(
     values: Float[Tensor, " N"], weights: Tensor, cell: Tensor, shape: torch.Size
 ) -> tuple[Float[Tensor, "rows columns"], Float[Tensor, "rows columns"]]:
-    """Weighted mean of the values around each cell, drawn to the mean of all where weights are
-    small; and the weights per cell."""
+    """Weighted mean of the values around each cell, 0 where nothing has weight; and the weights per
+    cell."""
     rows = torch.stack([weights * values, weights])
     sums = rows.new_zeros(2, shape[0] * shape[1] + 1).index_add_(1, cell, rows)
     total, weight = window_means(sums[:, :-1].reshape(2, *shape), EXPECTED_WINDOW)
-    all_values, all_weights = rows.sum(dim=1)
-    typical = all_values / all_weights.clamp(min=torch.finfo(rows.dtype).tiny)
-    return (total + TYPICAL_WEIGHT * typical) / (weight + TYPICAL_WEIGHT), weight
+    return total / weight.clamp(min=torch.finfo(rows.dtype).tiny), weight

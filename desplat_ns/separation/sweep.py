@@ -97,7 +97,7 @@ def unexplained(
     The difference is NaN where nobody knows: where fewer than two others look at `LOOKED_AT` of the
     depths, those before the nearest point (`NEAREST`) not counted; and where the photo itself does
     not show all of the window. The second-best other counts, since the best one may show the same
-    thing in the way; at a depth at which one alone looks, that one.
+    thing in the way.
 
     Args:
         others: in the exposure of the photo.
@@ -126,7 +126,6 @@ def unexplained(
             second = cv2.min(second, cv2.max(best, step))
             best = cv2.min(best, step)
         looked += counts[plane] & (second < 255)
-        second = np.where(second < 255, second, best)  # one alone looks: that one
         at[second < least] = inverse_depths[plane]
         least = cv2.min(least, second)
     is_known = looked >= LOOKED_AT * counts.sum()

@@ -6,7 +6,6 @@ import pytest
 import torch
 
 from desplat_ns.separation import decide
-from desplat_ns.separation.decide import Thresholds
 from desplat_ns.separation.grid import fine_grid_of, grid_of, pooled
 
 HEIGHT, WIDTH = 120, 160
@@ -54,14 +53,6 @@ def test_what_has_no_detail_or_another_shares_none(scene):
     assert inner(shared_detail(scene, other)).mean() < 0.3
 
 
-def test_a_weak_ghost_of_what_stands_there_is_no_scene_in_another_light(scene):
-    """What one photo alone shows is learned as a ghost, with a part of its contrast."""
-    ghost = scene / (2 * Thresholds().most_contrast) + 0.3
-    assert (inner(shared_detail(ghost, scene)) > 0.7).float().mean() < 0.01
-    weaker = scene / (0.8 * Thresholds().most_contrast) + 0.1
-    assert (inner(shared_detail(weaker, scene)) > 0.7).float().mean() > 0.9
-
-
 def test_it_is_the_correlation_of_the_windows_by_a_count_of_its_own(scene):
     """Against sums over the windows one by one, in float64; at this size a cell is a pixel."""
     static, photo = scene[:8, :8], scene.flip(1)[:8, :8] * 0.5
@@ -80,5 +71,4 @@ def test_it_is_the_correlation_of_the_windows_by_a_count_of_its_own(scene):
     common = means(s * p, 7) - means(s, 7) * means(p, 7)
     of_static, of_photo = (means(x * x, 7) - means(x, 7) ** 2 + 1e-3 for x in (s, p))
     expected = common / (of_static * of_photo).sqrt()
-    assert (common / of_static).max() < Thresholds().most_contrast
     torch.testing.assert_close(shared_detail(static, photo).double(), expected, atol=1e-3, rtol=0)

@@ -120,14 +120,6 @@ def test_where_fewer_than_two_others_look_nobody_knows():
     assert np.isnan(unexplained(photo, [], INVERSE_DEPTHS)[0]).all()
 
 
-def test_at_a_depth_at_which_one_other_alone_looks_it_is_enough():
-    photo, *others = photos_of(cameras((0.0, 0.0), (0.2, 0.05), (1.0, -0.05)))
-    left, at = unexplained(photo, others, np.linspace(0.55, 1 / 32, 64))
-    # the second other sees columns 16 to 21 of the far plane, and of the near one from 25 on
-    assert np.quantile(left[4:-4, 16:21], 0.95) < 0.03
-    np.testing.assert_allclose(np.median(at[4:-4, 16:21]), 1 / NEAR, atol=0.02)
-
-
 @pytest.mark.parametrize(("color", "others"), [(0, 255), (255, 0), (1, 255)])
 def test_black_before_white_is_unexplained_and_not_unknown(color, others):
     photo, *neighbours = (
