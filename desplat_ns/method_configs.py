@@ -11,19 +11,13 @@ from nerfstudio.engine.schedulers import ExponentialDecaySchedulerConfig
 from nerfstudio.plugins.types import MethodSpecification
 
 from desplat_ns.core.effects import EffectsConfig
-from desplat_ns.core.errors import print_user_errors_plainly
 from desplat_ns.core.optimizers import FusedAdamConfig
 from desplat_ns.distractors.config import DistractorConfig
 from desplat_ns.model_config import DeSplatModelConfig
 from desplat_ns.photo_tourism.config import AppearanceConfig
-from desplat_ns.plugin import name_callers_quickly, read_only_configurations
 from desplat_ns.training.datamanager import DeSplatDataManagerConfig
 from desplat_ns.training.pipeline import DeSplatPipelineConfig
 from desplat_ns.training.trainer import DeSplatTrainerConfig
-
-print_user_errors_plainly()
-read_only_configurations()
-name_callers_quickly()
 
 STEPS = 30_000
 """Length of the full schedule, B.3."""

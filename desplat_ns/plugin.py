@@ -1,4 +1,8 @@
-"""Quirks of nerfstudio 1.1.5 that the plugin works around, each with its reason, in one place."""
+"""What nerfstudio 1.1.5 has to be told for runs of this package, each with its reason.
+
+Importing the package changes nothing: our run configuration, trainer, pipeline and commands call
+what is here once a run of ours begins.
+"""
 
 from __future__ import annotations
 
@@ -11,14 +15,14 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from enum import Enum
 from functools import cache
+from itertools import islice
 from pathlib import Path
 from traceback import walk_stack
-from types import SimpleNamespace
+from types import MethodType, SimpleNamespace
 from typing import Any
 
 import torch
 import yaml
-from nerfstudio.configs import external_methods
 from nerfstudio.models.splatfacto import RGB2SH, SplatfactoModel
 from nerfstudio.utils import writer
 from nerfstudio.utils.rich_utils import CONSOLE
@@ -28,24 +32,9 @@ from desplat_ns.backend import BackendName
 from desplat_ns.backend.registry import rendering_device
 from desplat_ns.core.checkpoint import load_newest
 from desplat_ns.core.console import announce
-from desplat_ns.core.errors import ConfigError
+from desplat_ns.core.errors import ConfigError, begin_run
 from desplat_ns.core.run_files import found
 from desplat_ns.metrics import LazyLpips, psnr
-
-
-def name_callers_quickly() -> None:
-    """Let nerfstudio list its external methods without reading sources.
-
-    nerfstudio 1.1.5 (external_methods.py) asks `inspect.stack` for the name of one caller, 26 times
-    in each command; with what that reads it takes 1.6 s.
-    """
-    external_methods.inspect = SimpleNamespace(  # type: ignore[attr-defined]
-        stack=lambda: [
-            SimpleNamespace(function=frame.f_code.co_name)
-            for frame, _ in walk_stack(sys._getframe(1))
-        ]
-    )
-
 
 _METRICS: dict[str, Any] = {
     "torchmetrics.image": SimpleNamespace(
@@ -214,7 +203,7 @@ def write_enumerations_by_value() -> None:
     """From now on PyYAML writes members of enumerations as their class and value.
 
     Python 3.11.0 to 3.11.3 pickles them as a call of `getattr`, and PyYAML writes what pickle says:
-    a config.yml that calls a function is not read (`read_only_configurations`).
+    a config.yml that calls a function is not read (`RunLoader`).
     """
     yaml.add_multi_representer(Enum, _enumeration)
 
@@ -231,21 +220,29 @@ UNPICKLES = "minimal-parser"
 _STANDARD = "tag:yaml.org,2002:"
 
 
-def read_only_configurations() -> None:
-    """From now on `yaml.Loader` makes nothing of a Python tag with which no registered method or
-    data parser is written; it raises ConfigError.
+def check_what_is_read() -> None:
+    """If PyYAML is making the run configuration of a file, let it make nothing else in this file of
+    a Python tag with which no registered method or data parser is written (`RunLoader`).
 
     Runs are shared, and nerfstudio 1.1.5 writes config.yml with PyYAML's tags of Python objects and
     reads it by `yaml.Loader`, which imports, calls and fills whatever a tag names:
     `!!python/object/apply:os.system [...]` is run. So do `ns-eval`, `ns-render`, `ns-viewer`,
-    `ns-export` (eval_utils.py, `eval_setup`) and `ns-train --load-config` (train.py). Both name the
-    class when they read, and neither module can be imported yet when this one is.
+    `ns-export` (eval_utils.py, `eval_setup`) and `ns-train --load-config` (train.py). PyYAML 6
+    makes the object of a file's first tag (`make_python_instance`) before it reads what is in it.
     """
-    upstream = yaml.Loader.construct_object
-    if upstream.__module__ == __name__:
-        return
+    for frame, _ in islice(walk_stack(sys._getframe(1)), 20):
+        if frame.f_code.co_name == "make_python_instance":
+            loader = frame.f_locals["self"]
+            if not isinstance(loader, RunLoader):
+                begin_run()
+                loader.construct_object = MethodType(RunLoader.construct_object, loader)
 
-    def construct_object(self: yaml.Loader, node: yaml.Node, deep: bool = False) -> Any:
+
+class RunLoader(yaml.Loader):
+    """Reads the config.yml of a run; a tag that is not trusted raises ConfigError."""
+
+    def construct_object(self, node: yaml.Node, deep: bool = False) -> Any:
+        """PyYAML's."""
         if node.tag.startswith(f"{_STANDARD}python/") and node.tag not in trusted_tags():
             raise ConfigError(
                 f"config.yml names '{node.tag.removeprefix(_STANDARD)}' in line "
@@ -254,9 +251,7 @@ def read_only_configurations() -> None:
                 "package, or of nerfstudio, wrote it, use that version, or train anew; if a plugin "
                 "did, install it. Else do not use the file unless you know who wrote it."
             )
-        return upstream(self, node, deep)
-
-    yaml.Loader.construct_object = construct_object
+        return yaml.Loader.construct_object(self, node, deep)
 
 
 @cache

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import warnings
 from types import TracebackType
 
 
@@ -36,11 +37,20 @@ def printable(text: str) -> str:
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
+def begin_run() -> None:
+    """A run or a command of this package begins: its users' mistakes have no traceback, and nothing
+    is said of what torch and nerfstudio have to change, and users cannot (`-W` still shows it)."""
+    print_user_errors_plainly()
+    warnings.filterwarnings("ignore", "", FutureWarning, r"(torch|nerfstudio)\.", append=True)
+
+
 def print_user_errors_plainly() -> None:
     """From now on, a `DeSplatError` or Ctrl+C that ends the program prints no traceback: commands
     are nerfstudio's, so there is no place of ours to catch it. Every other exception goes where it
     went before."""
     before = sys.excepthook
+    if before.__module__ == __name__:
+        return
 
     def hook(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
         if isinstance(error, DeSplatError):

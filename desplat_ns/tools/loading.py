@@ -18,7 +18,7 @@ from nerfstudio.utils import eval_utils
 from desplat_ns.core.checkpoint import load_newest
 from desplat_ns.core.errors import ConfigError
 from desplat_ns.core.run_files import RunFiles
-from desplat_ns.plugin import read_only_configurations
+from desplat_ns.plugin import RunLoader
 from desplat_ns.training.pipeline import DeSplatPipeline
 from desplat_ns.training.resume import SceneRecord
 from desplat_ns.training.run_config import RunConfig
@@ -67,8 +67,7 @@ def load_run(
         ConfigError: another version wrote config.yml, or it names what no run needs.
     """
     try:
-        read_only_configurations()
-        config: Any = yaml.load(files.config.read_text("utf8"), Loader=yaml.Loader)
+        config: Any = yaml.load(files.config.read_text("utf8"), Loader=RunLoader)
         config.relative_model_dir = files.checkpoints
         if files.data is not None:
             config.pipeline.datamanager.data = files.data

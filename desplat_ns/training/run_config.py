@@ -15,7 +15,7 @@ from nerfstudio.engine.trainer import TrainerConfig
 from desplat_ns.core.checkpoint import checkpoint_folder, load_checkpoint, load_newest
 from desplat_ns.core.console import announce
 from desplat_ns.core.effects import Effects
-from desplat_ns.core.errors import ConfigError
+from desplat_ns.core.errors import ConfigError, begin_run
 from desplat_ns.core.options import check_ranges, ranged
 from desplat_ns.core.schedule import (
     GPU_VISITS,
@@ -23,7 +23,7 @@ from desplat_ns.core.schedule import (
     steps_for_visits,
 )
 from desplat_ns.model_config import DeSplatModelConfig
-from desplat_ns.plugin import write_enumerations_by_value
+from desplat_ns.plugin import check_what_is_read, write_enumerations_by_value
 from desplat_ns.survey.findings import Survey
 from desplat_ns.survey.survey import decided_effects, mismatch_of, refuse_mismatch
 from desplat_ns.training.datamanager import DeSplatDataManagerConfig
@@ -61,6 +61,12 @@ class RunConfig(TrainerConfig):
     are; then schedules follow the clock. Compiling kernels, once for each machine, does not count.
     """
 
+    def __new__(cls, *args: Any, **options: Any) -> RunConfig:
+        """Python's; PyYAML, which gives no options, reads what follows as `plugin` lets it."""
+        if not args and not options:
+            check_what_is_read()
+        return super().__new__(cls)
+
     def print_to_terminal(self) -> None:
         """Name the run, in place of nerfstudio's hundreds of lines: config.yml has the settings."""
         data, config = self.pipeline.datamanager.data, self.get_base_dir() / "config.yml"
@@ -72,6 +78,7 @@ class RunConfig(TrainerConfig):
         ns-train calls it before it starts any process. Raises ConfigError where there would be
         several, or where a number lies outside its range.
         """
+        begin_run()
         check_ranges(self)
         check_ranges(self.pipeline.model, "--pipeline.model")
         if self.machine.num_devices * self.machine.num_machines > 1:

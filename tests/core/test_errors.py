@@ -42,7 +42,8 @@ def test_any_other_error_goes_where_it_went_before(hook, capsys):
 
 OLD = """
 import warnings
-import desplat_ns
+from desplat_ns.core.errors import begin_run
+begin_run()
 for module in ("torch.nn.init", "nerfstudio.engine.trainer", "desplat_ns.model"):
     warnings.warn_explicit(module, FutureWarning, "a.py", 1, module=module)
 """

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import importlib
+import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,9 +17,9 @@ from nerfstudio.utils import eval_utils
 
 from desplat_ns.core.errors import ConfigError
 from desplat_ns.core.run_files import find_run
+from desplat_ns.data.parsers import OURS, without_prompts
 from desplat_ns.plugin import UNPICKLES, trusted_tags
 from desplat_ns.tools.loading import load_run
-from desplat_ns.training.datamanager import OURS, without_prompts
 
 PLUGIN = """
 from dataclasses import dataclass
@@ -34,6 +35,15 @@ experiment_name: yard
 method_name: desplat
 timestamp: {}
 """
+
+
+@pytest.fixture
+def plugin(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
+    """The data parser of a plugin that is installed and not registered."""
+    (tmp_path / "my_plugin.py").write_text(PLUGIN)
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, "my_plugin", raising=False)
+    return importlib.import_module("my_plugin").Config()
 
 
 def config_with(folder: Path, value: str) -> Path:
@@ -77,14 +87,11 @@ def test_what_no_run_needs_is_refused_with_its_line_and_nothing_runs(tmp_path: P
 
 
 @pytest.mark.parametrize("command", ["eval_setup", "ns-train --load-config"])
-@pytest.mark.parametrize(
-    "first", [RUN, RUN.replace("desplat_ns.training.trainer.DeSplat", "nerfstudio.engine.trainer.")]
-)
-def test_nerfstudios_commands_refuse_it_too(tmp_path: Path, command: str, first: str):
+def test_nerfstudios_commands_refuse_it_in_runs_of_ours(tmp_path: Path, command: str):
     from nerfstudio.scripts import train
 
     path = tmp_path / "config.yml"
-    path.write_text(first.format(f"!!python/object/apply:os.system ['touch {tmp_path / 'run'}']"))
+    path.write_text(RUN.format(f"!!python/object/apply:os.system ['touch {tmp_path / 'run'}']"))
     with pytest.raises(ConfigError, match=r"os\.system.*line 4"):
         if command == "eval_setup":
             eval_utils.eval_setup(path)
@@ -93,12 +100,20 @@ def test_nerfstudios_commands_refuse_it_too(tmp_path: Path, command: str, first:
     assert not (tmp_path / "run").exists()
 
 
-def test_runs_of_other_methods_are_read_as_before_and_pickles_are_not(tmp_path: Path):
+def test_runs_of_other_methods_are_read_as_before_and_after_a_run_of_ours(tmp_path: Path, plugin):
+    """Also with the data parser of a plugin that registers no method."""
+    with pytest.raises(ConfigError):
+        read(config_with(tmp_path, "!!python/name:os.system ''"))
     for method in ("nerfacto", "splatfacto"):
-        text = yaml.dump(all_methods[method])
-        assert yaml.load(text, Loader=yaml.Loader) == all_methods[method]
+        config = copy.deepcopy(all_methods[method])
+        config.pipeline.datamanager.dataparser = plugin
+        assert yaml.load(yaml.dump(config), Loader=yaml.Loader) == config
+
+
+def test_a_data_parser_that_reads_pickles_is_no_runs_of_ours(tmp_path: Path):
+    parser = yaml.dump([all_dataparsers[UNPICKLES]], default_flow_style=True, width=10**6)
     with pytest.raises(ConfigError, match="Minimal"):
-        yaml.load(yaml.dump(all_dataparsers[UNPICKLES]), Loader=yaml.Loader)
+        read(config_with(tmp_path, parser))
 
 
 @pytest.mark.slow
@@ -117,16 +132,13 @@ def test_every_method_and_every_data_parser_is_read(tmp_path: Path):
         assert read(tmp_path / "config.yml") == config
 
 
-def test_a_plugin_is_trusted_once_it_is_registered(tmp_path: Path, monkeypatch):
-    (tmp_path / "my_plugin.py").write_text(PLUGIN)
-    monkeypatch.syspath_prepend(tmp_path)
-    parser = importlib.import_module("my_plugin").Config()
-    path = config_with(tmp_path, yaml.dump([parser], default_flow_style=True, width=10**6))
+def test_a_plugin_is_trusted_once_it_is_registered(tmp_path: Path, monkeypatch, plugin):
+    path = config_with(tmp_path, yaml.dump([plugin], default_flow_style=True, width=10**6))
     with pytest.raises(ConfigError, match="my_plugin"):
         read(path)
-    monkeypatch.setitem(all_dataparsers, "mine", parser)
+    monkeypatch.setitem(all_dataparsers, "mine", plugin)
     trusted_tags.cache_clear()
-    assert read(path).timestamp == [parser]
+    assert read(path).timestamp == [plugin]
     monkeypatch.undo()
     trusted_tags.cache_clear()
 

@@ -11,7 +11,7 @@ from typing import Any
 import tyro
 
 from desplat_ns.core.console import announce
-from desplat_ns.core.errors import ConfigError, print_user_errors_plainly
+from desplat_ns.core.errors import ConfigError, begin_run
 from desplat_ns.core.options import check_ranges
 from desplat_ns.core.run_files import RunFiles, find_run
 
@@ -34,7 +34,7 @@ class OfRun:
 def run(command: Any, **options: Any) -> None:
     """Read the options of a dataclass with `main`, or of a union of such, and call `main`; a user's
     mistake has no traceback. `options`: of `tyro.cli`."""
-    print_user_errors_plainly()
+    begin_run()
     name = Path(sys.argv[0]).name
     parsed = tyro.cli(command, prog=name, **options)
     _say_what_begins(name, parsed)
@@ -51,7 +51,7 @@ def _say_what_begins(name: str, options: Any) -> None:
 def run_on_capture(command: Any, name: str) -> None:
     """As `run`, for a command whose options a data parser's name and options may follow; `main` is
     given these words. They are not looked at here: nerfstudio takes seconds to import."""
-    print_user_errors_plainly()
+    begin_run()
     options, words = split_words(command, name, sys.argv[1:])
     _say_what_begins(name, options)
     options.main(words)
