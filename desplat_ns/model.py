@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from contextlib import AbstractContextManager
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import torch
@@ -29,7 +29,7 @@ from desplat_ns.core.schedule import NominalStep, RunStep, Schedule, pause_after
 from desplat_ns.data.images import resize_image
 from desplat_ns.data.point_cloud import distinct
 from desplat_ns.data.training_views import train_index, view_name
-from desplat_ns.distractors.layer import DistractorLayer, TrainStep
+from desplat_ns.distractors.layer import DistractorLayer, Step
 from desplat_ns.distractors.placement import distractor_weight
 from desplat_ns.distractors.refinement import strategy_info
 from desplat_ns.distractors.sets import DistractorGaussians, to_device
@@ -79,8 +79,8 @@ class DeSplatModel(SplatfactoModel):
     """The parameters, where checkpoints look for them."""
     schedule = Schedule()
     """Of the run: all that changes with its steps is in its nominal steps."""
-    shown: Tensor
-    """Which static Gaussians [N] the view that was last drawn in training shows."""
+    train_step: Step | None = None
+    """The step at hand, between nerfstudio's calls; None if there is none, or if it was dropped."""
 
     def __init__(self, config: DeSplatModelConfig, *args: Any, **kwargs: Any):
         self._rasterizer: Rasterizer | None = None
@@ -104,11 +104,6 @@ class DeSplatModel(SplatfactoModel):
         self.schedule = Schedule(config.schedule_scale or 1.0)
         self.effects = config.effects.settled()
         self.names: list[str] = self.kwargs.get("metadata", {}).get("train_image_names", [])
-        self.losses: dict[str, Tensor] = {}
-        self.train_step: TrainStep | None = None
-        """The step at hand; None if there is none, or if it was dropped."""
-        self.is_logged = True
-        """Whether anybody is told the figures of the step at hand."""
         with splatfacto_modules_without_torchmetrics(), splatfacto_modules_without_cuda(self):
             super().populate_modules()
         cameras: Cameras = self.kwargs["metadata"]["train_cameras"]
@@ -215,12 +210,18 @@ class DeSplatModel(SplatfactoModel):
         return self.layer_control.chosen(outputs)
 
     def _training_outputs(self, camera: Cameras, index: int) -> dict[str, Tensor]:
-        """As `get_outputs`; begins the `TrainStep`."""
+        """As `get_outputs`; begins the `Step`."""
         view, embedding = self.view_of_camera(camera, index), self.embedding_of(index)
         static = self.render_static(view, embedding)
-        self.train_step = step = TrainStep(
-            self.nominal_step, RunStep(self.step), index, view, static
+        self.strategy.step_pre_backward(
+            self.gauss_params,
+            self.optimizers,
+            self.strategy_state,
+            self.step,
+            strategy_info(static, view),
         )
+        step = Step(self.nominal_step, RunStep(self.step), index, view, static)
+        self.train_step = step
         if self.layer is not None:
             rasterize = self._rasterizer_of(held(view))  # poses are the static scene's to learn
             step.distractors = self.layer.draw_for_training(step.nominal, index, rasterize)
@@ -236,7 +237,8 @@ class DeSplatModel(SplatfactoModel):
             outputs["rgb"] = outputs["rgb_composite"]
         if self.config.use_bilateral_grid:
             for name in outputs.keys() & {"rgb", "rgb_static"}:
-                toned = self._apply_bilateral_grid(outputs[name][None], index, *self.last_size)
+                size = view.height, view.width
+                toned = self._apply_bilateral_grid(outputs[name][None], index, *size)
                 outputs[name] = toned[0]
         return outputs
 
@@ -245,34 +247,58 @@ class DeSplatModel(SplatfactoModel):
     ) -> dict[str, Tensor]:
         """The terms of Eq. 5 and 12, and those that `distractors.static_alone` and `opacity_prior`
         add; training adds them up. Outside of training, those of the static scene."""
-        config, layer, sky = self.config, self.layer, self.effects.background
-        step = self.train_step if self.training else None
-        looks = step is not None and layer is not None and layer.looks(step)
-        if step is not None and (looks or sky != "off" or batch["image"].shape[2] == 4):
-            light = self.embedding_of(step.index)
-            behind = self._photographed(outputs["background"], step.view, light)
-            outputs = {**outputs, "background": behind}
-        photo = self.photo_of(outputs, batch)
-        mask = self.mask_of(batch, photo.device)
         if not self.training:
-            return {"main_loss": self._main_loss(outputs["rgb"], photo, mask)} | self._others()
+            photo = self.photo_of(outputs, batch)
+            mask = self.mask_of(batch, photo.device)
+            main = {"main_loss": self._main_loss(outputs["rgb"], photo, mask)}
+            return main | self._scale_loss()
+        step = self.train_step
         assert step is not None
+        losses = self._losses_of(step, outputs, *self._compare(step, outputs, batch))
+        step.losses = {name: value.detach() for name, value in losses.items()}
+        return losses
+
+    def _compare(
+        self, step: Step, outputs: dict[str, Any], batch: dict[str, Any]
+    ) -> tuple[Tensor, Tensor, Tensor | None, Tensor | None]:
+        """What the losses of a step compare with: the photo [H, W, 3], which is the static scene
+        where the user masks it; what it shows behind everything; the user's mask [H, W, 1]; and 1
+        in pixels of regions [H, W, 1], which the step finds on the way."""
+        layer, behind = self.layer, outputs["background"]
+        looks = layer is not None and layer.looks(step)
+        if looks or self.effects.background != "off" or batch["image"].shape[2] == 4:
+            behind = self._photographed(behind, step.view, self.embedding_of(step.index))
+        photo = self.photo_of({"background": behind}, batch)
+        mask, in_region = self.mask_of(batch, photo.device), None
+        if layer is not None:
+            static, opacities = outputs["rgb_static"], self.gauss_params["opacities"]
+            state = self.strategy_state
+            photo, in_region = layer.look(step, photo, static, behind, mask, opacities, state)
+        return photo, behind, mask, in_region
+
+    def _losses_of(
+        self,
+        step: Step,
+        outputs: dict[str, Any],
+        photo: Tensor,
+        behind: Tensor,
+        mask: Tensor | None,
+        in_region: Tensor | None,
+    ) -> dict[str, Tensor]:
+        """The terms of a step; the rest as `_compare` gives it."""
+        config, layer, sky = self.config, self.layer, self.effects.background
         alpha_s = outputs["accumulation"]
         alpha_d = outputs.get("alpha_distractor", torch.zeros_like(alpha_s))
         if mask is not None:  # in what it leaves out nothing is drawn, and nothing is missing
             alpha_s, alpha_d = alpha_s.where(mask, 1.0), alpha_d.where(mask, 0.0)
         losses: dict[str, Tensor] = {}
-        owned = in_region = None
-        if layer is not None:
-            static, opacities = outputs["rgb_static"], self.gauss_params["opacities"]
-            behind, state = outputs["background"], self.strategy_state
-            photo, in_region = layer.look(step, photo, static, behind, mask, opacities, state)
-            if step.distractors is not None and layer.config.static_alone:
-                owned = distractor_weight(alpha_d, in_region)
+        owned = None
+        if layer is not None and step.distractors is not None and layer.config.static_alone:
+            owned = distractor_weight(alpha_d, in_region)
         if owned is None:
             losses["main_loss"] = self._main_loss(outputs["rgb"], photo, mask)
         else:
-            losses |= self._separate_losses(outputs, photo, mask, owned)
+            losses |= self._separate_losses(step, outputs, photo, mask, owned)
         if layer is not None:
             price = distractor_opacity_loss(alpha_d, in_region)
             losses["distractor_opacity"] = layer.config.lambda_d * price
@@ -281,8 +307,7 @@ class DeSplatModel(SplatfactoModel):
                 transparency = static_transparency_loss(alpha_s, None if sky == "off" else owned)
                 losses["static_transparency"] = layer.config.lambda_s * transparency
         if sky != "off":
-            most = config.background.max_error
-            explained = explained_by_background(outputs["background"], photo, most)
+            explained = explained_by_background(behind, photo, config.background.max_error)
             explained = explained if mask is None else explained & mask
             price = background_opacity_loss(alpha_d, alpha_s, explained)
             losses["background_opacity"] = config.background.lambda_bg * price
@@ -290,18 +315,31 @@ class DeSplatModel(SplatfactoModel):
             numbers = self.image_effects.responses[step.index]
             mean = self.image_effects.responses.mean(dim=0)
             losses["camera_response"] = camera_response_loss(numbers, mean, losses["main_loss"])
-        losses |= self._others(mask)
-        self.losses = {name: value.detach() for name, value in losses.items()}
+        losses |= self._scale_loss()
+        self.camera_optimizer.get_loss_dict(losses)
+        if config.use_bilateral_grid:
+            losses["tv_loss"] = 10 * total_variation_loss(self.bil_grids.grids)
+        if config.opacity_prior > 0:
+            weight, shown = config.opacity_prior / self.num_train_data, step.static.visible
+            if mask is not None:  # Gaussians whose centres lie in pixels that count
+                means2d = step.static.means2d.detach()[0]
+                shown, _ = cells_of(means2d, shown, mask.shape[:2], mask[..., 0])
+            losses["opacity_prior"] = weight * mean_shown_opacity(self.opacities, shown)
         return losses
 
     def _separate_losses(
-        self, outputs: dict[str, Any], photo: Tensor, mask: Tensor | None, owned: Tensor
+        self,
+        step: Step,
+        outputs: dict[str, Any],
+        photo: Tensor,
+        mask: Tensor | None,
+        owned: Tensor,
     ) -> dict[str, Tensor]:
         """L_GS of the composite, which moves distractors only, and of the static scene on what they
         do not own; in masked pixels the composite shows the static scene, as the photo does."""
-        assert self.layer is not None and self.train_step is not None
+        assert self.layer is not None
         static, composite, weight = outputs["rgb_static"], outputs["rgb"], self.config.ssim_lambda
-        grows = self.train_step.nominal < self.config.stop_split_at
+        grows = step.nominal < self.config.stop_split_at
         leak = self.layer.config.leak if grows else 0.0
         if mask is not None:  # windows reach across its border
             static, composite = (static.detach().where(~mask, i) for i in (static, composite))
@@ -352,48 +390,31 @@ class DeSplatModel(SplatfactoModel):
         size = self._size_at_hand(width, height)
         return image if size == (width, height) else reduced(image, size)
 
-    def _others(self, mask: Tensor | None = None) -> dict[str, Tensor]:
-        """The other terms of Splatfacto (nerfstudio 1.1.5), and what `opacity-prior` charges: where
-        there is a mask, Gaussians whose centres lie in pixels that count."""
-        losses, config = {}, self.config
-        if config.use_scale_regularization and self.step % 10 == 0:
-            scales = torch.exp(self.scales)
-            ratio = scales.amax(dim=-1) / scales.amin(dim=-1)
-            losses["scale_reg"] = 0.1 * (ratio - config.max_gauss_ratio).clamp(min=0).mean()
-        if not self.training:
-            return losses
-        self.camera_optimizer.get_loss_dict(losses)
-        if config.use_bilateral_grid:
-            losses["tv_loss"] = 10 * total_variation_loss(self.bil_grids.grids)
-        if config.opacity_prior > 0:
-            weight, opacities = config.opacity_prior / self.num_train_data, self.opacities
-            shown = self.shown
-            if mask is not None:
-                means2d = self.info["means2d"].detach()[0]
-                shown, _ = cells_of(means2d, shown, mask.shape[:2], mask[..., 0])
-            losses["opacity_prior"] = weight * mean_shown_opacity(opacities, shown)
-        return losses
+    def _scale_loss(self) -> dict[str, Tensor]:
+        """Splatfacto's price of long Gaussians, in every tenth step (nerfstudio 1.1.5)."""
+        if not self.config.use_scale_regularization or self.step % 10 != 0:
+            return {}
+        scales = torch.exp(self.scales)
+        ratio = scales.amax(dim=-1) / scales.amin(dim=-1)
+        return {"scale_reg": 0.1 * (ratio - self.config.max_gauss_ratio).clamp(min=0).mean()}
 
     def step_post_backward(self, step: int) -> None:
-        """Densify after an optimizer step: the static set, then the set of the view just seen."""
-        train_step = self.train_step
-        if train_step is None:
-            return
-        if self.layer is None:
-            self._refine_static(step)
-        else:
-            self.layer.commit(
-                train_step, self.strategy_state, lambda: self._refine_static(step), self._weights_of
-            )
-        self.train_step = None
-
-    def _refine_static(self, step: int) -> None:
-        """Splatfacto's refinements and resets.
+        """Commit the step at hand after the optimizers': densify the static set, then the set of
+        the view just seen.
 
         Raises DeSplatError where no static Gaussian is left.
         """
+        done, self.train_step = self.train_step, None
+        if done is None:
+            return
+        if self.layer is not None:
+            self.layer.remember(done, self.strategy_state)
         self.strategy.step_post_backward(
-            self.gauss_params, self.optimizers, self.strategy_state, self.nominal_step, self.info
+            self.gauss_params,
+            self.optimizers,
+            self.strategy_state,
+            self.nominal_step,
+            strategy_info(done.static, done.view),
         )
         self.image_effects.after_step()
         if self.num_points == 0:
@@ -401,14 +422,14 @@ class DeSplatModel(SplatfactoModel):
                 f"At step {step} the last static Gaussian was pruned: nothing is left to train. "
                 "The photos or their poses do not fit together, or a learning rate is too high."
             )
+        if self.layer is not None:
+            self.layer.commit(done, partial(self._weights_of, done))
 
-    def _weights_of(self, params: RawParameters) -> Tensor:
-        """Contributions [N] of distractors of the view just drawn, in pixels of its full size."""
-        assert self.train_step is not None
-        settings, view = self.render_settings(depth=False), self.train_step.view
-        splats = activate_distractors(params)
-        drawn = accumulated_weights(self.rasterizer, splats, view, settings)
-        camera = self.kwargs["metadata"]["train_cameras"][self.train_step.index]
+    def _weights_of(self, step: Step, params: RawParameters) -> Tensor:
+        """Contributions [N] of distractors of a step's view, in pixels of its full size."""
+        settings, view = self.render_settings(depth=False), step.view
+        drawn = accumulated_weights(self.rasterizer, activate_distractors(params), view, settings)
+        camera = self.kwargs["metadata"]["train_cameras"][step.index]
         return drawn * (int(camera.width) * int(camera.height) / (view.width * view.height))
 
     def view_name(self) -> str:
@@ -423,10 +444,7 @@ class DeSplatModel(SplatfactoModel):
 
     @torch.no_grad()  # torch warns where numbers with a gradient are logged
     def get_metrics_dict(self, outputs: dict[str, Any], batch: dict[str, Any]) -> dict[str, Any]:
-        """Splatfacto's figures, and the number of distractors; none of a training step that is not
-        logged."""
-        if self.training and not self.is_logged:
-            return {}
+        """Splatfacto's figures, and the number of distractors."""
         metrics: dict[str, Any] = super().get_metrics_dict(outputs, batch)
         if self.distractors is not None:
             metrics["distractor_count"] = sum(self.distractors.counts())
@@ -441,9 +459,7 @@ class DeSplatModel(SplatfactoModel):
         if index is not None:
             camera.metadata = {**(camera.metadata or {}), "cam_idx": index}
             pose = self.camera_optimizer.apply_to_camera(camera)
-        view = view_of(camera, pose[0], self._size_at_hand)
-        self.last_size = (view.height, view.width)
-        return view
+        return view_of(camera, pose[0], self._size_at_hand)
 
     def _size_at_hand(self, width: int, height: int) -> tuple[int, int]:
         """Width and height in which a photo of a size is trained on in the step at hand."""
@@ -474,13 +490,7 @@ class DeSplatModel(SplatfactoModel):
     def render_static(self, view: View, embedding: Tensor) -> Rendering:
         depth = self.config.output_depth_during_training or not self.training
         splats = self.in_light(self.params_in(view), view)(embedding)
-        rendering = self.rasterizer(splats, view, self.render_settings(depth))
-        if self.training:
-            self.shown, self.info = rendering.visible, strategy_info(rendering, view)
-            self.strategy.step_pre_backward(
-                self.gauss_params, self.optimizers, self.strategy_state, self.step, self.info
-            )
-        return rendering
+        return self.rasterizer(splats, view, self.render_settings(depth))
 
     def _rasterizer_of(self, view: View) -> Callable[[Splats], Rendering]:
         """Draws distractors into a view."""

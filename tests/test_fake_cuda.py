@@ -27,7 +27,7 @@ from desplat_ns.backend.ssim import _window
 from desplat_ns.core.effects import BackgroundGrade, Effects
 from desplat_ns.core.schedule import NominalStep, RunStep
 from desplat_ns.distractors.config import DistractorConfig
-from desplat_ns.distractors.layer import DistractorLayer, TrainStep
+from desplat_ns.distractors.layer import DistractorLayer, Step
 from desplat_ns.distractors.placement import distractor_weight
 from desplat_ns.distractors.refinement import DistractorDensifier, strategy_info
 from desplat_ns.distractors.sets import PARAMETER_NAMES, ViewDistractors, to_device
@@ -93,9 +93,9 @@ def a_layer(background: BackgroundGrade = "off") -> DistractorLayer:
     return layer
 
 
-def a_step(number: int) -> TrainStep:
+def a_step(number: int) -> Step:
     at = NominalStep(number), RunStep(number)
-    step = TrainStep(*at, 0, the_view(), rendering(), rendering(9))
+    step = Step(*at, 0, the_view(), rendering(), rendering(9))
     step.photo, step.static_rgb = cuda(HEIGHT, WIDTH, 3), cuda(HEIGHT, WIDTH, 3)
     return step
 

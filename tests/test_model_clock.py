@@ -58,9 +58,10 @@ def test_an_opacity_prior_is_the_mean_of_what_the_view_shows_over_the_number_of_
     with torch.no_grad():
         model.means[: model.num_points // 2] += 1e4  # beyond every view
     opacities = model.gauss_params["opacities"].detach().sigmoid()
-    charged = Trainer(model).step(1)["losses"]["opacity_prior"]
-    assert 0 < int(model.shown.sum()) < model.num_points
-    expected = 0.6 / model.num_train_data * float(opacities[model.shown].mean())
+    trained = Trainer(model).step(1)
+    charged, shown = trained["losses"]["opacity_prior"], trained["step"].static.visible
+    assert 0 < int(shown.sum()) < model.num_points
+    expected = 0.6 / model.num_train_data * float(opacities[shown].mean())
     assert float(charged.detach()) == pytest.approx(expected)
 
 

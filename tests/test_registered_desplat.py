@@ -49,7 +49,8 @@ class Run:
 
         def watched(step: int) -> Any:
             result = iteration(step)
-            self.losses.append({name: float(loss) for name, loss in model.losses.items()})
+            losses = model.train_step.losses
+            self.losses.append({name: float(loss) for name, loss in losses.items()})
             self.static.append(model.num_points)
             self.distractors.append(sum(model.distractors.counts()))
             return result

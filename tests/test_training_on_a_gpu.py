@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 
 import pytest
@@ -23,7 +22,6 @@ def test_desplat_trains_on_a_gpu_places_distractors_and_writes_its_checkpoint(tm
     trainer.train()
     assert all(parameter.is_cuda for parameter in model.parameters())
     assert model.rasterizer.name == "gsplat"
-    assert model.losses and all(math.isfinite(loss) for loss in model.losses.values())
     assert trainer.optimizers.skipped_in_a_row == 0
     assert model.num_points > 300 and all(model.distractors.counts())
     state = load_checkpoint(checkpoint_path(config.get_checkpoint_dir(), STEPS - 1))

@@ -46,12 +46,11 @@ LOOK_EVERY = 3
 
 
 @dataclass(repr=False)
-class TrainStep:
-    """One training view in one training step, from its rendering to the optimizers' step.
+class Step:
+    """One training view in one training step: drawn, compared, charged, and committed or not.
 
-    It is made when the view is drawn and filled in when the loss is computed. Nothing that it holds
-    has an effect beyond the step until it is committed: a step that is not finite is undone by
-    throwing it away.
+    Whatever a step finds lies here until it is committed, and changes nothing before: a step that
+    is not finite is undone by throwing it away.
     """
 
     nominal: NominalStep
@@ -75,6 +74,9 @@ class TrainStep:
     """What the static Gaussians are to remember (`usual_residuals`); None for nothing new."""
     sweep_photo: UInt8[Tensor, "fine_rows fine_columns C"] | None = None
     """What the plane sweep is to keep of the photo (`photo_to_sweep`); None for nothing new."""
+
+    losses: dict[str, Float[Tensor, ""]] = field(default_factory=dict)
+    """The terms of the loss, without gradients."""
 
 
 class DistractorLayer:
@@ -135,7 +137,7 @@ class DistractorLayer:
 
     def look(
         self,
-        train_step: TrainStep,
+        step: Step,
         photo: Float[Tensor, "H W 3"],
         static: Float[Tensor, "H W 3"],
         behind: Float[Tensor, "*background 3"] | None,
@@ -159,30 +161,30 @@ class DistractorLayer:
         counted, photo_as_it_is = None, photo
         if mask is not None:
             photo, counted = apply_mask(photo, static, mask)
-        train_step.photo, train_step.static_rgb = photo, static
-        train_step.regions = self.regions.get(train_step.index)
-        if self.looks(train_step):
-            if train_step.index not in self.sweep.photos:
-                train_step.sweep_photo = photo_to_sweep(photo_as_it_is, mask)
+        step.photo, step.static_rgb = photo, static
+        step.regions = self.regions.get(step.index)
+        if self.looks(step):
+            if step.index not in self.sweep.photos:
+                step.sweep_photo = photo_to_sweep(photo_as_it_is, mask)
             behind = behind if self.is_behind_by_chance else None
-            self.update_regions(train_step, behind, opacities, state, counted)
-        if train_step.distractors is None or train_step.regions is None:
+            self.update_regions(step, behind, opacities, state, counted)
+        if step.distractors is None or step.regions is None:
             return photo, None
-        return photo, region_pixels(train_step.regions.to(photo.dtype), *photo.shape[:2])
+        return photo, region_pixels(step.regions.to(photo.dtype), *photo.shape[:2])
 
-    def looks(self, train_step: TrainStep) -> bool:
+    def looks(self, step: Step) -> bool:
         """Whether the photo is compared with the static scene: in the warm-up, once after it, and
         in every `LOOK_EVERY`th round of visits. nerfstudio draws each view once in a round."""
         if self.config.start != "residual" or self.num_views <= LEAST_VIEWS:
             return False
-        is_due = train_step.run // self.num_views % LOOK_EVERY == 0
-        is_new = train_step.index not in self.regions
-        return is_due or is_new or train_step.nominal < self.config.warmup
+        is_due = step.run // self.num_views % LOOK_EVERY == 0
+        is_new = step.index not in self.regions
+        return is_due or is_new or step.nominal < self.config.warmup
 
     @torch.no_grad()
     def update_regions(
         self,
-        train_step: TrainStep,
+        step: Step,
         behind: Float[Tensor, "*background 3"] | None,
         opacities: Float[Tensor, "N 1"],
         state: Mapping[str, Any],
@@ -196,67 +198,68 @@ class DistractorLayer:
             state: of their strategy; it is read only.
             counted: cells that the user's mask leaves in; None if it leaves out none.
         """
-        photo = train_step.photo
+        photo = step.photo
         static = StaticView(
-            train_step.static_rgb.detach(),
-            train_step.static.alpha.detach(),
+            step.static_rgb.detach(),
+            step.static.alpha.detach(),
             None if behind is None else behind.detach(),
-            train_step.static.means2d.detach()[0],
-            train_step.static.visible,
+            step.static.means2d.detach()[0],
+            step.static.visible,
             sigmoid(opacities.detach()[:, 0]),
         )
         usual = usual_residuals(state, len(opacities), photo.device)
         judged = counted
         if self.background == "image":
-            scene = ~own_sky(photo, train_step.static.alpha)
+            scene = ~own_sky(photo, step.static.alpha)
             judged = scene if counted is None else scene & counted
-        comparison, train_step.usual = compare(photo, static, usual, judged)
-        if train_step.nominal < self.config.warmup:
+        comparison, step.usual = compare(photo, static, usual, judged)
+        if step.nominal < self.config.warmup:
             return
         comparison = replace(comparison, counted=counted)  # skies within a thing's outline are it
-        train_step.regions = decide(
+        step.regions = decide(
             comparison,
-            lambda: self.sweep.unexplained(train_step.index, photo.device),
+            lambda: self.sweep.unexplained(step.index, photo.device),
             self.thresholds,
         )
 
-    def commit(
-        self,
-        train_step: TrainStep,
-        state: dict[str, Any],
-        refine_static: Callable[[], None],
-        weights_of: Callable[[RawParameters], Float[Tensor, " M"]],
-    ) -> None:
-        """Take up what a step proposes, once the optimizers have stepped. Before, all that a step
-        does and that outlives it is to make the view's optimizers and set their rates.
+    def remember(self, step: Step, state: dict[str, Any]) -> None:
+        """Take up what a step learned of the views, once the optimizers have stepped and before the
+        static set is refined, whose rows it belongs to. Before, all that a step does and that
+        outlives it is to make the view's optimizers and set their rates.
 
         Args:
             state: of the static Gaussians' strategy.
-            refine_static: refines the static set; called once it has what belongs to its rows.
+        """
+        if step.usual is not None:
+            state[USUAL] = step.usual
+        if step.sweep_photo is not None:
+            self.sweep.keep(step.index, step.sweep_photo)
+
+    def commit(
+        self, step: Step, weights_of: Callable[[RawParameters], Float[Tensor, " M"]]
+    ) -> None:
+        """Refine the view's distractors, and place and remove some where a step found its regions.
+
+        Args:
             weights_of: gives what each of the view's distractors makes up of it, in pixels.
         """
-        index, view = train_step.index, train_step.view
-        if train_step.usual is not None:
-            state[USUAL] = train_step.usual
-        if train_step.sweep_photo is not None:
-            self.sweep.keep(index, train_step.sweep_photo)
-        refine_static()
-        distractors, step = self.gaussians.views[index], train_step.nominal
-        if train_step.distractors is not None:
+        index, view = step.index, step.view
+        distractors = self.gaussians.views[index]
+        if step.distractors is not None:
             keep_colors_in_range(distractors.params)
-            info = strategy_info(train_step.distractors, view)
-            self.densifier.after_step(distractors, step, info, weights_of)
-        if train_step.regions is not None and train_step.usual is not None:
-            self.regions[index] = train_step.regions
-            if step < STOP_PLACING_AT:
-                self._place(train_step, train_step.regions, distractors)
+            info = strategy_info(step.distractors, view)
+            self.densifier.after_step(distractors, step.nominal, info, weights_of)
+        if step.regions is not None and step.usual is not None:
+            self.regions[index] = step.regions
+            if step.nominal < STOP_PLACING_AT:
+                self._place(step, step.regions, distractors)
 
     @torch.no_grad()
-    def _place(self, train_step: TrainStep, regions: Tensor, distractors: ViewDistractors) -> None:
+    def _place(self, step: Step, regions: Tensor, distractors: ViewDistractors) -> None:
         """Give the view new distractors where they belong, and remove those out of place."""
         means = distractors.params["means"]
-        drawn, photo = train_step.distractors, train_step.photo
+        drawn, photo = step.distractors, step.photo
         alpha_d = torch.zeros_like(photo[..., :1]) if drawn is None else drawn.alpha.detach()
-        changed = placement(train_step.view, photo, alpha_d, regions, means, self.config)
+        changed = placement(step.view, photo, alpha_d, regions, means, self.config)
         if changed is not None:
             distractors.exchange(*changed)

@@ -48,6 +48,8 @@ class DeSplatPipeline(VanillaPipeline):
     config: DeSplatPipelineConfig
     datamanager: DeSplatDataManager
     _model: DeSplatModel
+    is_logged = True
+    """Whether anybody is told the figures of the training step at hand."""
 
     def __init__(
         self,
@@ -83,6 +85,13 @@ class DeSplatPipeline(VanillaPipeline):
     def model(self) -> DeSplatModel:
         """The model; nerfstudio's would look for several processes, and there is one."""
         return self._model
+
+    def get_train_loss_dict(self, step: int) -> tuple[Any, dict[str, Any], dict[str, Any]]:
+        """nerfstudio's; figures are worked out in steps that are logged."""
+        camera, batch = self.datamanager.next_train(step)
+        outputs = self._model(camera)
+        figures = self._model.get_metrics_dict(outputs, batch) if self.is_logged else {}
+        return outputs, self._model.get_loss_dict(outputs, batch, figures), figures
 
     # --- evaluation --------------------------------------------------------------------------
 

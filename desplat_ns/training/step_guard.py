@@ -54,7 +54,7 @@ class GuardedOptimizers(Optimizers):
         model = self._model()
         of_view = model.view_optimizers()
         every = [*self.optimizers.values(), *of_view.values()]
-        if is_sound(model.losses.values(), every):
+        if is_sound(model.train_step.losses.values(), every):
             self.skipped_in_a_row = 0
             super().optimizer_scaler_step_some(grad_scaler, param_groups)
             for optimizer in of_view.values():

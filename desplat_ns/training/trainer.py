@@ -218,7 +218,7 @@ class DeSplatTrainer(Trainer):
         model: Any = pipeline.model
         model.schedule, model.config.sh_degree_interval = Schedule(), 1  # all harmonics
         self.optimizers = self._guarded_optimizers()
-        self.optimizers.is_logged = model.is_logged = False
+        self.optimizers.is_logged = pipeline.is_logged = False
         pipeline.train()
         for factor in (first, *each * [first], *each * [last]):
             began, model.config.downscale_factor = self._seconds(), lambda *_, now=factor: now
@@ -302,7 +302,7 @@ class DeSplatTrainer(Trainer):
     def train_iteration(self, step: int) -> Any:
         """One step; counts it as done once it is. Figures and rates are worked out where logged."""
         is_logged = step_check(step, self.config.logging.steps_per_log, run_at_zero=True)
-        self.pipeline.model.is_logged = self.optimizers.is_logged = is_logged
+        self.pipeline.is_logged = self.optimizers.is_logged = is_logged
         began = self._seconds()
         loss, terms, metrics = super().train_iteration(step)
         self._steps_done = step + 1

@@ -18,7 +18,7 @@ from desplat_ns.backend.protocol import Rendering, View
 from desplat_ns.core.schedule import NominalStep, RunStep, Schedule
 from desplat_ns.distractors import layer
 from desplat_ns.distractors.config import DistractorConfig
-from desplat_ns.distractors.layer import DistractorLayer, TrainStep
+from desplat_ns.distractors.layer import DistractorLayer, Step
 from desplat_ns.distractors.sets import DistractorGaussians
 from desplat_ns.model import DeSplatModel
 from desplat_ns.model_config import DeSplatModelConfig
@@ -74,7 +74,7 @@ def test_after_the_warm_up_a_photo_is_looked_at_at_once_and_then_in_every_third_
             at_hand.regions = kept
         unseen = unseen or FullImageDatamanager.sample_train_cameras(manager)
         index, nominal = unseen.pop(0), schedule.nominal(step)
-        looks = at_hand.looks(TrainStep(nominal, step, index, the_view(), nothing_drawn()))
+        looks = at_hand.looks(Step(nominal, step, index, the_view(), nothing_drawn()))
         if nominal >= run.distractors.warmup:
             visits[index].append(looks)
             at_hand.regions[index] = torch.ones(1, 1, dtype=torch.bool)
@@ -109,13 +109,13 @@ def test_what_the_sweep_keeps_does_not_depend_on_the_static_scene():
         static = torch.full((20, 24, 3), value)
         radii = torch.ones(30, dtype=torch.int32)
         drawn = Rendering(static, static[..., :1], None, torch.rand(1, 30, 2), radii)
-        step = layer.TrainStep(NominalStep(0), RunStep(0), 1, view, drawn)
+        step = layer.Step(NominalStep(0), RunStep(0), 1, view, drawn)
         model.layer.look(step, photo, static, None, mask, torch.zeros(30, 1), {})
         kept.append(step.sweep_photo)
     assert torch.equal(*kept)
     assert (kept[0][5:9, :, 3] == 0).all()
     model.layer.sweep.keep(1, kept[0])
-    step = layer.TrainStep(NominalStep(1), RunStep(1), 1, view, drawn)
+    step = layer.Step(NominalStep(1), RunStep(1), 1, view, drawn)
     model.layer.look(step, photo, static, None, mask, torch.zeros(30, 1), {})
     assert step.sweep_photo is None
 

@@ -9,7 +9,7 @@ from nerfstudio.models.splatfacto import SplatfactoModelConfig
 from desplat_ns.backend.protocol import View
 from desplat_ns.distractors import layer
 from desplat_ns.distractors.config import DistractorConfig
-from desplat_ns.distractors.layer import DistractorLayer, TrainStep
+from desplat_ns.distractors.layer import DistractorLayer, Step
 from desplat_ns.distractors.placement import (
     distractor_weight,
     distractors_in,
@@ -110,12 +110,13 @@ class Trained:
     def __init__(self, config: DistractorConfig = WARMED_UP, num_views: int = 40) -> None:
         self.scene, self.layer = WellKnownScene(), a_layer(config, num_views)
 
-    def step(self, number: int, photo: torch.Tensor) -> TrainStep:
+    def step(self, number: int, photo: torch.Tensor) -> Step:
         scene, step = self.scene, self.scene.train_step(number, photo)
         none = alpha(0.0)
         photo, static = step.photo, step.static_rgb
         self.layer.look(step, photo, static, None, None, scene.opacities, scene.state)
-        self.layer.commit(step, scene.state, lambda: None, lambda _: none.flatten())
+        self.layer.remember(step, scene.state)
+        self.layer.commit(step, lambda _: none.flatten())
         return step
 
     @property

@@ -104,8 +104,9 @@ class Trainer:
         losses = model.get_loss_dict(outputs, batch)
         torch.stack(list(losses.values())).sum().backward()
         self.update()
+        drawn = model.train_step
         model.step_post_backward(step)
-        return {"outputs": outputs, "losses": losses}
+        return {"outputs": outputs, "losses": losses, "step": drawn}
 
     def update(self) -> None:
         """Let the optimizers step."""

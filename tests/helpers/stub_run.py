@@ -57,7 +57,7 @@ class StubModel:
 
     def __init__(self, scale: float | None = None) -> None:
         self.schedule = Schedule(scale or 1.0)
-        self.step, self.losses = 0, dict[str, torch.Tensor]()
+        self.step, self.train_step = 0, SimpleNamespace(losses=dict[str, torch.Tensor]())
         self.gauss_params = {"means": torch.zeros(1, 3)}
 
     def view_name(self) -> str:

@@ -11,7 +11,7 @@ from nerfstudio.cameras.cameras import Cameras
 from desplat_ns.backend.protocol import Rendering, View
 from desplat_ns.cameras.views import view_of
 from desplat_ns.core.schedule import NominalStep, RunStep
-from desplat_ns.distractors.layer import TrainStep
+from desplat_ns.distractors.layer import Step
 from desplat_ns.separation.decide import StaticView, Thresholds, apply_mask, compare, decide
 from desplat_ns.separation.residuals import USUAL, usual_residuals
 
@@ -50,8 +50,8 @@ class WellKnownScene:
     def rendered(self) -> torch.Tensor:
         return self.photo + self.noise * torch.randn(self.photo.shape, generator=self.generator)
 
-    def train_step(self, step: int, photo: torch.Tensor) -> TrainStep:
-        drawn = TrainStep(NominalStep(step), RunStep(step), 0, the_view(), self.drawn)
+    def train_step(self, step: int, photo: torch.Tensor) -> Step:
+        drawn = Step(NominalStep(step), RunStep(step), 0, the_view(), self.drawn)
         drawn.photo, drawn.static_rgb = photo, self.rendered()
         return drawn
 
