@@ -27,6 +27,7 @@ def photometric_losses(
     ssim_weight: float,
     *images: Float[Tensor, "H W 3"],
     leak: float = 0.0,
+    compiled: bool = True,
 ) -> tuple[Float[Tensor, ""], ...]:
     """(1 - w) L1 + w D-SSIM of a photo and each image in [0, 1]; w is `ssim_weight`.
 
@@ -39,11 +40,12 @@ def photometric_losses(
         leak: weight in L1 of what they own wholly.
         images: one, or two that are equal in all pixels of which nothing is owned. On a CPU blocks
             in which they are equal are worked out once, and the second has no gradient there.
+        compiled: by numba's kernels where they can; else by torch.
 
     Source: L_GS, the photometric term of Eq. 5 and 12; `owned` is ours
     (docs/explain/separation.md).
     """
-    if all(is_fast(image, photo) for image in images):
+    if compiled and all(is_fast(image, photo) for image in images):
         return compiled_photometric(photo, owned, leak, ssim_weight, *images)
     differences, targets = [(image - photo).abs() for image in images], [photo for _ in images]
     if owned is not None:

@@ -21,7 +21,7 @@ from desplat_ns.backend import Rasterizer, resolve
 from desplat_ns.backend.accumulated_weights import accumulated_weights
 from desplat_ns.backend.protocol import Rendering, RenderSettings, Splats, View
 from desplat_ns.cameras.near_plane import sampled, scene_start, stands_clear
-from desplat_ns.cameras.views import held, reduced, view_of
+from desplat_ns.cameras.views import detached, reduced, view_of
 from desplat_ns.core.console import list_names
 from desplat_ns.core.effects import Effects
 from desplat_ns.core.errors import BackendUnavailableError, CaptureError, DeSplatError
@@ -223,7 +223,7 @@ class DeSplatModel(SplatfactoModel):
         step = Step(self.nominal_step, RunStep(self.step), index, view, static)
         self.train_step = step
         if self.layer is not None:
-            rasterize = self._rasterizer_of(held(view))  # poses are the static scene's to learn
+            rasterize = self._rasterizer_of(detached(view))  # poses are the static scene's to learn
             step.distractors = self.layer.draw_for_training(step.nominal, index, rasterize)
         background = self.background_of(view, embedding)
         image = self.image_of(static, background, view, embedding)
@@ -338,23 +338,30 @@ class DeSplatModel(SplatfactoModel):
         """L_GS of the composite, which moves distractors only, and of the static scene on what they
         do not own; in masked pixels the composite shows the static scene, as the photo does."""
         assert self.layer is not None
-        static, composite, weight = outputs["rgb_static"], outputs["rgb"], self.config.ssim_lambda
+        static, composite = outputs["rgb_static"], outputs["rgb"]
         grows = step.nominal < self.config.stop_split_at
         leak = self.layer.config.leak if grows else 0.0
         if mask is not None:  # windows reach across its border
             static, composite = (static.detach().where(~mask, i) for i in (static, composite))
         if self.config.use_bilateral_grid:  # the composite moves the grids everywhere
-            (own,) = photometric_losses(photo, owned, weight, static, leak=leak)
-            (main,) = photometric_losses(photo, None, weight, composite)
+            (own,) = self._photometric(photo, owned, static, leak=leak)
+            (main,) = self._photometric(photo, None, composite)
         else:
-            own, main = photometric_losses(photo, owned, weight, static, composite, leak=leak)
+            own, main = self._photometric(photo, owned, static, composite, leak=leak)
         return {"main_loss": main, "static_photometric": own}
 
     def _main_loss(self, image: Tensor, photo: Tensor, mask: Tensor | None) -> Tensor:
         """L_GS of an image; what is masked is black in it and in the photo."""
         if mask is not None:
             image, photo = image * mask, photo * mask
-        return photometric_losses(photo, None, self.config.ssim_lambda, image)[0]
+        return self._photometric(photo, None, image)[0]
+
+    def _photometric(
+        self, photo: Tensor, owned: Tensor | None, *images: Tensor, leak: float = 0.0
+    ) -> tuple[Tensor, ...]:
+        """`photometric_losses`; backend `torch` has torch alone, to rule out what is compiled."""
+        weight, compiled = self.config.ssim_lambda, self.config.backend != "torch"
+        return photometric_losses(photo, owned, weight, *images, leak=leak, compiled=compiled)
 
     def _photographed(self, background: Tensor, view: View, embedding: Tensor) -> Tensor:
         """What a photo shows behind everything, in [0, 1]."""

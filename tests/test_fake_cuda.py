@@ -46,7 +46,7 @@ from desplat_ns.photo_tourism.config import AppearanceConfig, BackgroundConfig
 from desplat_ns.photo_tourism.image_effects import ImageEffects
 from desplat_ns.separation.decide import Thresholds
 from desplat_ns.separation.grid import _shares
-from desplat_ns.separation.residuals import USUAL
+from desplat_ns.separation.residuals import RESIDUAL_MEDIANS
 from desplat_ns.training.step_guard import sum_of_squares
 
 WIDTH, HEIGHT, N = 60, 40, 50
@@ -125,9 +125,9 @@ def test_looking_for_regions_and_what_follows_from_them_stays_on_the_gpu(number,
         losses = photometric_losses(photo, owned, 0.2, static, static, leak=0.03)
         losses += (distractor_opacity_loss(alpha_d, in_region),)
         losses += (static_transparency_loss(alpha_d, owned),)
-        assert step.usual is not None
-        assert_on_cuda(step.usual, *losses)
-        state[USUAL] = step.usual
+        assert step.residual_medians is not None
+        assert_on_cuda(step.residual_medians, *losses)
+        state[RESIDUAL_MEDIANS] = step.residual_medians
     assert_on_cuda(step.sweep_photo)
     assert (step.regions is None) == (number < CONFIG.warmup)
     if step.regions is not None:

@@ -5,7 +5,8 @@ from typing import Any
 import pytest
 import torch
 
-from desplat_ns.backend.ssim import ssim
+from desplat_ns import losses
+from desplat_ns.backend.ssim import compiled_photometric, ssim
 from desplat_ns.cameras.views import image_points, view_of
 from desplat_ns.core.effects import EffectsConfig
 from desplat_ns.distractors.config import DistractorConfig
@@ -178,3 +179,16 @@ def test_nothing_is_learned_from_a_dropped_step():
     assert model.strategy_state["usual_residual"] is before
     trainer.step(4, 0)
     assert model.strategy_state["usual_residual"] is not before
+
+
+@pytest.mark.parametrize(("backend", "is_compiled"), [("torch", False), ("numba", True)])
+def test_backend_torch_computes_no_loss_by_compiled_kernels(monkeypatch, backend, is_compiled):
+    called = []
+
+    def compiled(*arguments: Any) -> Any:
+        called.append(arguments)
+        return compiled_photometric(*arguments)
+
+    monkeypatch.setattr(losses, "compiled_photometric", compiled)
+    Trainer(make_model(backend=backend)).step(1)
+    assert bool(called) == is_compiled

@@ -75,7 +75,7 @@ def views_of(cameras: Cameras) -> list[View]:
     return [view_of(cameras[i : i + 1]) for i in range(len(cameras))]
 
 
-def held(view: View) -> View:
+def detached(view: View) -> View:
     """The same view as a constant: no gradient of its pose or intrinsics."""
     return View(view.viewmat.detach(), view.K.detach(), view.width, view.height)
 

@@ -35,7 +35,7 @@ from desplat_ns.separation.decide import (
     own_sky,
 )
 from desplat_ns.separation.grid import region_pixels
-from desplat_ns.separation.residuals import LEAST_VIEWS, USUAL, usual_residuals
+from desplat_ns.separation.residuals import LEAST_VIEWS, RESIDUAL_MEDIANS, medians_in
 from desplat_ns.separation.sweep import PlaneSweep, photo_to_sweep
 
 STOP_PLACING_AT = 27_000
@@ -70,8 +70,8 @@ class Step:
 
     regions: Bool[Tensor, "rows columns"] | None = None
     """Where distractors belong, on the grid of `grid_of`; None in the warm-up."""
-    usual: Float[Tensor, " N"] | None = None
-    """What the static Gaussians are to remember (`usual_residuals`); None for nothing new."""
+    residual_medians: Float[Tensor, " N"] | None = None
+    """What the static Gaussians are to remember (`medians_in`); None for nothing new."""
     sweep_photo: UInt8[Tensor, "fine_rows fine_columns C"] | None = None
     """What the plane sweep is to keep of the photo (`photo_to_sweep`); None for nothing new."""
 
@@ -207,12 +207,12 @@ class DistractorLayer:
             step.static.visible,
             sigmoid(opacities.detach()[:, 0]),
         )
-        usual = usual_residuals(state, len(opacities), photo.device)
+        residual_medians = medians_in(state, len(opacities), photo.device)
         judged = counted
         if self.background == "image":
             scene = ~own_sky(photo, step.static.alpha)
             judged = scene if counted is None else scene & counted
-        comparison, step.usual = compare(photo, static, usual, judged)
+        comparison, step.residual_medians = compare(photo, static, residual_medians, judged)
         if step.nominal < self.config.warmup:
             return
         comparison = replace(comparison, counted=counted)  # skies within a thing's outline are it
@@ -230,8 +230,8 @@ class DistractorLayer:
         Args:
             state: of the static Gaussians' strategy.
         """
-        if step.usual is not None:
-            state[USUAL] = step.usual
+        if step.residual_medians is not None:
+            state[RESIDUAL_MEDIANS] = step.residual_medians
         if step.sweep_photo is not None:
             self.sweep.keep(step.index, step.sweep_photo)
 
@@ -249,7 +249,7 @@ class DistractorLayer:
             keep_colors_in_range(distractors.params)
             info = strategy_info(step.distractors, view)
             self.densifier.after_step(distractors, step.nominal, info, weights_of)
-        if step.regions is not None and step.usual is not None:
+        if step.regions is not None and step.residual_medians is not None:
             self.regions[index] = step.regions
             if step.nominal < STOP_PLACING_AT:
                 self._place(step, step.regions, distractors)

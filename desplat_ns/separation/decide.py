@@ -1,8 +1,8 @@
 """Finds the regions of a photo that show what the other views do not.
 
-A place is in a region if the photo is farther from the static scene than is usual there, and if it
-does not show the scene's own detail in another light. The outline of a region is drawn along the
-edges of the photo.
+A place is in a region if the photo is farther from the static scene than most photos of the place
+are, if other photos do not explain it, and if it does not show the scene's own detail in another
+light. The outline of a region is drawn along the edges of the photo.
 """
 
 from __future__ import annotations
@@ -112,14 +112,14 @@ class Comparison:
 def compare(
     photo: Float[Tensor, "H W 3"],
     static: StaticView,
-    usual: Float[Tensor, " N"],
+    residual_medians: Float[Tensor, " N"],
     counted: Bool[Tensor, "rows columns"] | None = None,
 ) -> tuple[Comparison, Float[Tensor, " N"]]:
     """How far a photo is from the static scene, and what the Gaussians remember with this visit.
 
     Args:
         photo: in [0, 1]; under the user's mask as the static scene (`apply_mask`).
-        usual: what they remember of other visits (`usual_residuals`).
+        residual_medians: what they remember of other visits (`medians_in`).
         counted: as `Comparison`'s.
     """
     height, width = photo.shape[:2]
@@ -129,15 +129,15 @@ def compare(
         behind = pooled(static.behind.expand_as(photo), fine)
         colors_s = own_colors(colors_s, pooled(static.alpha, fine), behind, colors_p)
     x, y = static.means2d.unbind(-1)
-    excess, usual = excess_residual(
+    excess, residual_medians = excess_residual(
         local_residual(colors_s, colors_p, grid),
         torch.stack([x * (grid[0] / width), y * (grid[1] / height)], dim=-1),
         static.visible,
         static.opacities,
-        usual,
+        residual_medians,
         counted,
     )
-    return Comparison(colors_s, colors_p, excess, counted), usual
+    return Comparison(colors_s, colors_p, excess, counted), residual_medians
 
 
 def own_colors(

@@ -39,7 +39,7 @@ three quarters of it."""
 MEDIAN_STEP = 0.1
 """Step of a Gaussian's running median, in units of the residual's logarithm."""
 
-USUAL = "usual_residual"
+RESIDUAL_MEDIANS = "usual_residual"
 """Key in the running state of gsplat's strategy, which copies and removes the rows of every tensor
 in it together with the Gaussians, and which checkpoints hold: their running medians of
 log(residual / level of its view)."""
@@ -71,12 +71,10 @@ def local_residual(
     return window_means(cells, SMOOTHING)[0].clamp(min=MIN_RESIDUAL)
 
 
-def usual_residuals(
-    state: Mapping[str, Any], count: int, device: torch.device
-) -> Float[Tensor, " N"]:
+def medians_in(state: Mapping[str, Any], count: int, device: torch.device) -> Float[Tensor, " N"]:
     """What `count` Gaussians remember in the strategy's state; zeros at first."""
-    usual = state.get(USUAL)
-    return torch.zeros(count, device=device) if usual is None else usual
+    residual_medians = state.get(RESIDUAL_MEDIANS)
+    return torch.zeros(count, device=device) if residual_medians is None else residual_medians
 
 
 @dataclass(frozen=True)
@@ -94,7 +92,7 @@ def excess_residual(
     means2d: Float[Tensor, "N 2"],
     visible: Bool[Tensor, " N"],
     opacities: Float[Tensor, " N"],
-    usual: Float[Tensor, " N"],
+    residual_medians: Float[Tensor, " N"],
     counted: Bool[Tensor, "rows columns"] | None = None,
 ) -> tuple[Excess, Float[Tensor, " N"]]:
     """The residual beyond the expected one, and what the Gaussians remember with this view.
@@ -106,19 +104,19 @@ def excess_residual(
         residual: `local_residual` of the view.
         means2d: projected centres, in cells.
         opacities: in [0, 1]; what is transparent has no weight.
-        usual: `usual_residuals` before this view; it is not written into.
+        residual_medians: `medians_in` before this view; it is not written into.
         counted: cells that are not masked, None if none is. The others have no excess and no part
             in the level; to Gaussians in them this visit is none.
     """
     level = _level(residual, counted)
     relative = F.pad((residual / level).log().flatten(), (0, 1))
     inside, cell = cells_of(means2d, visible, residual.shape, counted)
-    expected, votes = _mean_by_cell(usual, opacities, cell, residual.shape)
-    off = torch.sign(relative.index_select(0, cell) - usual)
-    usual = usual + MEDIAN_STEP * off * inside
+    expected, votes = _mean_by_cell(residual_medians, opacities, cell, residual.shape)
+    off = torch.sign(relative.index_select(0, cell) - residual_medians)
+    residual_medians = residual_medians + MEDIAN_STEP * off * inside
     values = residual - level * expected.exp()
     values = values if counted is None else values.masked_fill(~counted, 0.0)
-    return Excess(values, votes), usual
+    return Excess(values, votes), residual_medians
 
 
 def _level(

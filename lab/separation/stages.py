@@ -19,7 +19,7 @@ from desplat_ns.core.run_files import find_run
 from desplat_ns.data.training_views import train_index
 from desplat_ns.separation.decide import StaticView, compare, decide
 from desplat_ns.separation.grid import fine_grid_of, grid_of, pooled
-from desplat_ns.separation.residuals import local_residual, usual_residuals
+from desplat_ns.separation.residuals import local_residual, medians_in
 from desplat_ns.tools.loading import load_run
 from lab import DOCS, parser_of
 from lab.separation.passers_by import photo_of
@@ -52,8 +52,8 @@ def stages(model: Any, camera: Any, photo: Float[Tensor, "H W 3"]) -> list[Shown
         drawn.visible,
         torch.sigmoid(opacities.detach()[:, 0]),
     )
-    usual = usual_residuals(model.strategy_state, len(opacities), photo.device)
-    comparison, _ = compare(photo, static, usual)
+    residual_medians = medians_in(model.strategy_state, len(opacities), photo.device)
+    comparison, _ = compare(photo, static, residual_medians)
     height, width = photo.shape[:2]
     fine = fine_grid_of(width, height)
     residual = local_residual(pooled(static.rgb, fine), pooled(photo, fine), grid_of(width, height))

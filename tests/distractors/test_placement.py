@@ -18,7 +18,7 @@ from desplat_ns.distractors.placement import (
 )
 from desplat_ns.distractors.sets import DistractorGaussians
 from desplat_ns.separation.grid import grid_of, region_pixels
-from desplat_ns.separation.residuals import USUAL
+from desplat_ns.separation.residuals import RESIDUAL_MEDIANS
 from tests.helpers.well_known_scene import (
     HEIGHT,
     WIDTH,
@@ -131,7 +131,7 @@ def test_with_two_photos_nothing_is_placed_and_in_the_warm_up_views_are_only_rem
         step = trained.step(last, trained.scene.with_an_occluder())
         assert step.regions is None
         assert trained.count == 0
-        assert (USUAL in trained.scene.state) == remembers
+        assert (RESIDUAL_MEDIANS in trained.scene.state) == remembers
 
 
 def test_once_placing_has_stopped_none_comes_and_none_goes(monkeypatch):

@@ -13,7 +13,7 @@ from desplat_ns.cameras.views import view_of
 from desplat_ns.core.schedule import NominalStep, RunStep
 from desplat_ns.distractors.layer import Step
 from desplat_ns.separation.decide import StaticView, Thresholds, apply_mask, compare, decide
-from desplat_ns.separation.residuals import USUAL, usual_residuals
+from desplat_ns.separation.residuals import RESIDUAL_MEDIANS, medians_in
 
 WIDTH, HEIGHT = 60, 40
 
@@ -74,10 +74,10 @@ class WellKnownScene:
             self.drawn.visible,
             self.opacities[:, 0].sigmoid(),
         )
-        usual = usual_residuals(self.state, count, photo.device)
-        comparison, usual = compare(photo, static, usual, counted)
+        residual_medians = medians_in(self.state, count, photo.device)
+        comparison, residual_medians = compare(photo, static, residual_medians, counted)
         regions = decide(comparison, lambda: unexplained, by or Thresholds())
-        self.state[USUAL] = usual
+        self.state[RESIDUAL_MEDIANS] = residual_medians
         return regions
 
     def with_an_occluder(self) -> torch.Tensor:

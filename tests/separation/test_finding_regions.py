@@ -5,7 +5,7 @@ import dataclasses
 import torch
 
 from desplat_ns.separation.decide import Thresholds, evidence_of
-from desplat_ns.separation.residuals import USUAL, Excess
+from desplat_ns.separation.residuals import RESIDUAL_MEDIANS, Excess
 from tests.helpers.well_known_scene import HEIGHT, WIDTH, WellKnownScene
 
 BY = Thresholds()
@@ -50,7 +50,7 @@ def test_what_a_masked_pixel_holds_changes_no_bit():
             scene.find(scene.photo, BY)
         photo = scene.with_an_occluder().masked_fill(~mask, value)
         regions = scene.find(photo, BY, mask)
-        results.append((regions, scene.state[USUAL]))
+        results.append((regions, scene.state[RESIDUAL_MEDIANS]))
     assert results[0][0].any()
     assert torch.equal(results[0][0], results[1][0])
     assert torch.equal(results[0][1], results[1][1])

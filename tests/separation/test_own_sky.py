@@ -12,7 +12,7 @@ from desplat_ns.core.effects import BackgroundGrade
 from desplat_ns.distractors.config import DistractorConfig
 from desplat_ns.distractors.layer import DistractorLayer
 from desplat_ns.distractors.sets import DistractorGaussians
-from desplat_ns.separation.residuals import USUAL
+from desplat_ns.separation.residuals import RESIDUAL_MEDIANS
 from tests.helpers.well_known_scene import HEIGHT, WIDTH, WellKnownScene, cameras
 
 SKY = (slice(0, HEIGHT // 2), slice(0, WIDTH))
@@ -52,8 +52,8 @@ class SceneBelowASky(WellKnownScene):
         for _ in range(10):
             step = self.train_step(0, self.photo)
             layer.update_regions(step, None, self.opacities, self.state, None)
-            assert step.usual is not None
-            self.state[USUAL] = step.usual
+            assert step.residual_medians is not None
+            self.state[RESIDUAL_MEDIANS] = step.residual_medians
         step = self.train_step(100, photo)
         layer.update_regions(step, None, self.opacities, self.state, None)
         assert step.regions is not None

@@ -26,13 +26,13 @@ class Memory:
 
     def __init__(self) -> None:
         self.means2d = one_gaussian_per_cell()
-        self.usual = torch.zeros(len(self.means2d))
+        self.residual_medians = torch.zeros(len(self.means2d))
         self.visible = torch.ones(len(self.means2d), dtype=torch.bool)
         self.opacities = torch.full((len(self.means2d),), 0.8)
 
     def see(self, residual: torch.Tensor, counted: torch.Tensor | None = None) -> torch.Tensor:
-        rest = self.visible, self.opacities, self.usual, counted
-        excess, self.usual = excess_residual(residual, self.means2d, *rest)
+        rest = self.visible, self.opacities, self.residual_medians, counted
+        excess, self.residual_medians = excess_residual(residual, self.means2d, *rest)
         return excess.values
 
 
@@ -93,7 +93,7 @@ def test_where_no_gaussian_is_the_level_of_the_view_is_expected():
     """A bare wall without Gaussians, in a scene of which twice the level is usual."""
     memory = Memory()
     memory.see(flat())
-    memory.usual.fill_(math.log(2.0))
+    memory.residual_medians.fill_(math.log(2.0))
     memory.means2d[memory.means2d[:, 0] > 15] = -5.0
     residual = flat()
     residual[:, 20:] = 0.2
@@ -112,13 +112,13 @@ def left_half() -> torch.Tensor:
 def test_what_is_masked_not_seen_or_beyond_the_image_learns_nothing_of_the_visit():
     memory, counted = Memory(), left_half()
     memory.see(torch.rand(ROWS, COLUMNS) + 0.1)
-    assert memory.usual.abs().max() == pytest.approx(MEDIAN_STEP)
-    before, kept = memory.usual, ~counted.flatten()
+    assert memory.residual_medians.abs().max() == pytest.approx(MEDIAN_STEP)
+    before, kept = memory.residual_medians, ~counted.flatten()
     memory.visible[:2], memory.means2d[2:4] = False, torch.tensor([[-0.5, 3.0], [3.0, -7e8]])
     kept[:4] = True
     memory.see(torch.rand(ROWS, COLUMNS) + 0.1, counted)
-    assert torch.equal(before[kept], memory.usual[kept])
-    assert (before != memory.usual)[~kept].float().mean() > 0.9
+    assert torch.equal(before[kept], memory.residual_medians[kept])
+    assert (before != memory.residual_medians)[~kept].float().mean() > 0.9
 
 
 def test_what_is_masked_has_no_part_in_the_level_and_no_excess():

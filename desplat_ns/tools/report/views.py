@@ -16,7 +16,7 @@ from torch import Tensor
 
 from desplat_ns.backend.protocol import View
 from desplat_ns.cameras.near_plane import sampled
-from desplat_ns.cameras.views import held, image_points, in_image
+from desplat_ns.cameras.views import detached, image_points, in_image
 from desplat_ns.layers import MASK_THRESHOLD
 from desplat_ns.separation.decide import Comparison, Thresholds, decide
 from desplat_ns.separation.grid import fine_grid_of, grid_of, pooled, region_pixels
@@ -135,7 +135,7 @@ def unlike_in(
     covered = (alpha_d.detach() > MASK_THRESHOLD).float()
     unlike = region_pixels(differences(photo, static, by).float(), view.height, view.width)
     cells = pooled(torch.maximum(covered, unlike), grid_of(view.width, view.height, CELLS))[0]
-    return Unlike(name, held(view), cells > 0.5)
+    return Unlike(name, detached(view), cells > 0.5)
 
 
 def differences(
