@@ -79,7 +79,7 @@ study: $(STAMP)
 # What the options mean is read from the package; without it the page says so.
 docs: $(DOCS_STAMP)
 	@if test -e $(STAMP); then $(PY) -m lab.options; \
-	else test -e docs/reference/options.md || printf '# Options\n\n%s\n' \
+	else test -e docs/reference/options.md || printf -- '---\norphan: true\n---\n\n# Options\n\n%s\n' \
 	    'This page is written where the package is installed: `make env docs`.' >docs/reference/options.md; fi
 	$(DOCS_VENV)/bin/python -m sphinx -W --keep-going -q -b html docs outputs/site
 	@echo "==> outputs/site/index.html"

@@ -74,7 +74,11 @@ COMMANDS = {
 }
 """Where the options of each command are, in `tools`."""
 
-HEAD = """# Options
+HEAD = """---
+orphan: true
+---
+
+# Options
 
 Written by `python -m lab.options` from the configuration classes; to change a word, change the \
 docstring there. Listed is what this package adds or changes.

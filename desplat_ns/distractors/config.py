@@ -63,7 +63,8 @@ class DistractorConfig:
     colours in [0, 1]: its residual beyond the expected one, limited by what other photos leave
     unexplained."""
     strong_excess: float = ranged(0.15, "(0, inf)")
-    """With start residual: evidence that something in the way has to show in one place at least."""
+    """With start residual: evidence that something in the way has to show in one place at least,
+    once the scene is learned; before, more."""
     static_alone: bool = False
     """Train the static scene by a photometric loss of its own, on the pixels that no distractor
     covers; the composite's loss then trains distractors only. The paper has one loss for both."""

@@ -40,7 +40,11 @@ class Thresholds:
     weak: float = 0.05
     """Evidence of each cell of a region."""
     strong: float = 0.15
-    """Evidence of one of them at least."""
+    """Evidence of one of them at least, once the scene is learned."""
+    peak_levels: float = 10.0
+    """Evidence of one of them before, in levels of the view, but at most `most_peak`: while the
+    scene is not learned, places stand out that it learns later unless they are left out."""
+    most_peak: float = 0.4
     trusted: float = 3.0
     """Times what is unexplained, the excess counts at most where the scene is known: a thing may
     look like something else at some depth by chance."""
@@ -163,8 +167,8 @@ def decide(
     region.
 
     A region is made of connected cells with an evidence (`evidence_of`) above `by.weak`, one of
-    them above `by.strong`. Cells of which nobody knows may belong to a region, and make none.
-    Nothing is remembered.
+    them with more than `by.peak_levels` * level, `by.most_peak` at most, and more than `by.strong`.
+    Cells of which nobody knows may belong to a region, and make none. Nothing is remembered.
 
     Args:
         unexplained: gives that of the photo, by `PlaneSweep.unexplained`, on any grid; None where
@@ -174,11 +178,12 @@ def decide(
     excess, counted = comparison.excess, comparison.counted
     rows, columns = excess.values.shape
     grid = columns, rows
-    strong = excess.values > by.strong
+    needed = (by.peak_levels * excess.level).clamp(by.strong, max(by.strong, by.most_peak))
+    strong = excess.values > needed
     if strong.is_cpu and not strong.numpy().any():  # as in most photos, which then cost no more
         return strong
     evidence, is_known = evidence_of(excess, unexplained(), by)
-    strong = (evidence > by.strong) & is_known
+    strong = (evidence > needed) & is_known
     if strong.is_cpu and not strong.numpy().any():
         return strong
     alike = shared_detail(comparison.static, comparison.photo, by)

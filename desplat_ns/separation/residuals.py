@@ -83,6 +83,8 @@ class Excess:
 
     values: Float[Tensor, "rows columns"]
     """In colours in [0, 1]; below 0 where a residual is smaller than expected."""
+    level: Float[Tensor, ""]
+    """`LEVEL_QUANTILE` of the view's residuals; it falls as the scene is learned."""
     votes: Float[Tensor, "rows columns"]
     """Opacity per cell of the Gaussians around it that say what is expected."""
 
@@ -108,7 +110,7 @@ def excess_residual(
         counted: cells that are not masked, None if none is. The others have no excess and no part
             in the level; to Gaussians in them this visit is none.
     """
-    level = _level(residual, counted)
+    level = level_of(residual, counted)
     relative = F.pad((residual / level).log().flatten(), (0, 1))
     inside, cell = cells_of(means2d, visible, residual.shape, counted)
     expected, votes = _mean_by_cell(residual_medians, opacities, cell, residual.shape)
@@ -116,10 +118,10 @@ def excess_residual(
     residual_medians = residual_medians + MEDIAN_STEP * off * inside
     values = residual - level * expected.exp()
     values = values if counted is None else values.masked_fill(~counted, 0.0)
-    return Excess(values, votes), residual_medians
+    return Excess(values, level, votes), residual_medians
 
 
-def _level(
+def level_of(
     residual: Float[Tensor, "rows columns"], counted: Bool[Tensor, "rows columns"] | None
 ) -> Float[Tensor, ""]:
     """The view's own level; of a view that is masked wholly any, as nobody asks for it."""

@@ -98,7 +98,7 @@ def test_the_evidence_is_at_most_a_multiple_of_what_is_unexplained():
     """Of an excess of 0.2: three times 0.02 where the scene is known, half of it elsewhere; all of
     it where nobody was asked or nobody knows."""
     values, votes = torch.full((2, 2), 0.2), torch.tensor([[0.2, 0.05], [0.2, 0.05]])
-    excess = Excess(values, votes)
+    excess = Excess(values, torch.tensor(0.01), votes)
     left = torch.tensor([[0.02, 0.02], [0.9, torch.nan]])
     evidence, is_known = evidence_of(excess, left)
     assert torch.allclose(evidence, torch.tensor([[0.06, 0.01], [0.2, 0.2]]))

@@ -20,7 +20,7 @@ from desplat_ns.cameras.views import detached, image_points, in_image
 from desplat_ns.layers import MASK_THRESHOLD
 from desplat_ns.separation.decide import Comparison, Thresholds, decide
 from desplat_ns.separation.grid import fine_grid_of, grid_of, pooled, region_pixels
-from desplat_ns.separation.residuals import Excess, local_residual
+from desplat_ns.separation.residuals import Excess, level_of, local_residual
 from desplat_ns.training.pipeline import DeSplatPipeline
 
 PLACES = 4_000
@@ -147,7 +147,7 @@ def differences(
     grid, fine = grid_of(width, height), fine_grid_of(width, height)
     colors_s, colors_p = pooled(static, fine), pooled(photo, fine)
     residual = local_residual(colors_s, colors_p, grid)
-    excess = Excess(residual, torch.ones_like(residual))
+    excess = Excess(residual, level_of(residual, None), torch.ones_like(residual))
     return decide(Comparison(colors_s, colors_p, excess, None), lambda: None, by)
 
 
