@@ -23,6 +23,7 @@ from desplat_ns.backend.protocol import Rendering, RenderSettings, Splats, View
 from desplat_ns.cameras.near_plane import sampled, scene_start, stands_clear
 from desplat_ns.cameras.views import detached, reduced, view_of
 from desplat_ns.core.console import list_names
+from desplat_ns.core.devices import state_to_device
 from desplat_ns.core.effects import Effects
 from desplat_ns.core.errors import BackendUnavailableError, CaptureError, DeSplatError
 from desplat_ns.core.schedule import NominalStep, RunStep, Schedule, pause_after_reset
@@ -32,7 +33,7 @@ from desplat_ns.data.training_views import train_index, view_name
 from desplat_ns.distractors.layer import DistractorLayer, Step
 from desplat_ns.distractors.placement import distractor_weight
 from desplat_ns.distractors.refinement import strategy_info
-from desplat_ns.distractors.sets import DistractorGaussians, to_device
+from desplat_ns.distractors.sets import DistractorGaussians
 from desplat_ns.gaussians.activation import (
     RawParameters,
     activate_distractors,
@@ -656,7 +657,7 @@ class DeSplatModel(SplatfactoModel):
 
     def set_extra_state(self, state: dict[str, Any]) -> None:
         """Take up what `get_extra_state` gave."""
-        self.strategy_state = to_device(state["static_strategy"], self.device)
+        self.strategy_state = state_to_device(state["static_strategy"], self.device)
         if self.layer is not None:
-            self.layer.regions = to_device(state["regions"], self.device)
+            self.layer.regions = state_to_device(state["regions"], self.device)
             self.layer.sweep.load(state["photos"])

@@ -24,13 +24,14 @@ import desplat_ns.separation.decide as regions_of_photos
 from desplat_ns.backend.gsplat_cuda import _with_unsound_behind
 from desplat_ns.backend.protocol import Rendering, Splats, View
 from desplat_ns.backend.ssim import _window
+from desplat_ns.core.devices import state_to_device
 from desplat_ns.core.effects import BackgroundGrade, Effects
 from desplat_ns.core.schedule import NominalStep, RunStep
 from desplat_ns.distractors.config import DistractorConfig
 from desplat_ns.distractors.layer import DistractorLayer, Step
 from desplat_ns.distractors.placement import distractor_weight
 from desplat_ns.distractors.refinement import DistractorDensifier, strategy_info
-from desplat_ns.distractors.sets import PARAMETER_NAMES, ViewDistractors, to_device
+from desplat_ns.distractors.sets import PARAMETER_NAMES, ViewDistractors
 from desplat_ns.gaussians.activation import activate_distractors
 from desplat_ns.layers import layered_outputs, over_background, static_outputs
 from desplat_ns.losses import (
@@ -161,7 +162,7 @@ def test_densification_stays_on_the_gpu_until_it_counts_what_to_clone(start):
     assert (running["radii"] is None) == (start == "residual")
     if running["radii"] is not None:
         assert_on_cuda(running["radii"])
-    assert_on_cuda(to_device(running, torch.device("cuda"))["grad2d"])
+    assert_on_cuda(state_to_device(running, torch.device("cuda"))["grad2d"])
 
 
 def test_exchanging_distractors_stays_on_the_gpu():

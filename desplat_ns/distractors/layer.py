@@ -17,7 +17,7 @@ from desplat_ns.core.console import announce_once
 from desplat_ns.core.effects import BackgroundGrade
 from desplat_ns.core.schedule import NominalStep, RunStep
 from desplat_ns.distractors.config import DistractorConfig, rates_at
-from desplat_ns.distractors.placement import FEW_VIEWS, about_few_views, placement
+from desplat_ns.distractors.placement import FEW_VIEWS, LEAST_VIEWS, about_few_views, placement
 from desplat_ns.distractors.refinement import DistractorDensifier, strategy_info
 from desplat_ns.distractors.sets import DistractorGaussians, ViewDistractors
 from desplat_ns.gaussians.activation import (
@@ -29,13 +29,12 @@ from desplat_ns.gaussians.activation import (
 from desplat_ns.separation.decide import (
     StaticView,
     Thresholds,
-    apply_mask,
     compare,
     decide,
     own_sky,
 )
-from desplat_ns.separation.grid import region_pixels
-from desplat_ns.separation.residuals import LEAST_VIEWS, RESIDUAL_MEDIANS, medians_in
+from desplat_ns.separation.grid import grid_of, pooled, region_pixels
+from desplat_ns.separation.residuals import RESIDUAL_MEDIANS, medians_in
 from desplat_ns.separation.sweep import PlaneSweep, photo_to_sweep
 
 STOP_PLACING_AT = 27_000
@@ -77,6 +76,23 @@ class Step:
 
     losses: dict[str, Float[Tensor, ""]] = field(default_factory=dict)
     """The terms of the loss, without gradients."""
+
+
+def apply_mask(
+    photo: Float[Tensor, "H W 3"], static: Float[Tensor, "H W 3"], mask: Bool[Tensor, "H W 1"]
+) -> tuple[Float[Tensor, "H W 3"], Bool[Tensor, "rows columns"]]:
+    """What the user's mask does: where it leaves a photo out, the photo is as the static scene.
+
+    Args:
+        static: a constant from here on.
+        mask: True in the pixels that count.
+
+    Returns:
+        The photo, and the cells of `grid_of` that count.
+    """
+    height, width = mask.shape[:2]
+    counts = pooled(mask.to(torch.float32), grid_of(width, height))[0] >= 0.5
+    return torch.where(mask, photo, static.detach()), counts
 
 
 class DistractorLayer:

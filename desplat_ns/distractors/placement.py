@@ -8,23 +8,25 @@ are removed where it does not, and the static scene has to fit by itself all pix
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 import torch
+import torch.nn.functional as F
 from jaxtyping import Bool, Float
 from torch import Tensor
 
 from desplat_ns.backend.protocol import View
 from desplat_ns.cameras.views import image_points
+from desplat_ns.core.devices import masks_to_host, to_device
 from desplat_ns.distractors.config import DistractorConfig
 from desplat_ns.distractors.sets import distractors_at
 from desplat_ns.separation.grid import (
     grid_of,
-    masks_to_host,
     pooled,
-    to_device,
-    window_maxima,
 )
-from desplat_ns.separation.residuals import LEAST_VIEWS
+
+LEAST_VIEWS = 2
+"""Of two views nobody can tell which is right; a median of three holds against one."""
 
 FEW_VIEWS = 2 * LEAST_VIEWS + 1
 """With fewer training photos a warning is said: of three, two that are occluded alike outvote the
@@ -59,6 +61,15 @@ def distractor_weight(
     margin = round(width / grid_of(width, height)[0])
     weight = window_maxima(alpha_d[..., 0], 2 * margin + 1)[..., None]
     return weight if in_region is None else torch.maximum(weight, in_region)
+
+
+def window_maxima(plane: Float[Tensor, "H W"], size: int) -> Float[Tensor, "H W"]:
+    """Maxima over windows of `size` x `size` pixels (an odd number). Without gradients."""
+    plane = plane.detach()
+    if not plane.is_cpu:
+        rows = F.max_pool1d(plane, size, 1, size // 2)  # row by row: a tenth of max_pool2d's time
+        return F.max_pool1d(rows.T.contiguous(), size, 1, size // 2).T
+    return torch.from_numpy(cv2.dilate(plane.numpy(), np.ones((size, size), np.uint8)))
 
 
 def placement(

@@ -14,6 +14,7 @@ from torch.optim import Optimizer
 
 from desplat_ns.backend.protocol import View
 from desplat_ns.cameras.views import views_of
+from desplat_ns.core.devices import state_to_device
 from desplat_ns.core.optimizers import adam
 from desplat_ns.core.options import check_ranges
 from desplat_ns.distractors.config import DEPTH, DistractorConfig
@@ -110,12 +111,7 @@ class ViewDistractors:
             name: {key: value.clone() for key, value in moments.items()}
             for name, moments in saved["moments"].items()
         }
-        self.state, self.refinement = to_device(saved["state"], device), saved["refinement"]
-
-
-def to_device(state: Mapping[Any, Any], device: torch.device) -> dict[Any, Any]:
-    """A running state with its tensors on `device`."""
-    return {k: v.to(device) if isinstance(v, Tensor) else v for k, v in state.items()}
+        self.state, self.refinement = state_to_device(saved["state"], device), saved["refinement"]
 
 
 class DistractorGaussians(nn.Module):

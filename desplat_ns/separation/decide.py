@@ -16,13 +16,11 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from desplat_ns.core.devices import masks_to_host, to_device
 from desplat_ns.separation.grid import (
-    counted_cells,
     fine_grid_of,
     grid_of,
-    masks_to_host,
     pooled,
-    to_device,
     window_means,
 )
 from desplat_ns.separation.residuals import (
@@ -85,21 +83,6 @@ class StaticView:
     """In [0, 1]."""
 
 
-def apply_mask(
-    photo: Float[Tensor, "H W 3"], static: Float[Tensor, "H W 3"], mask: Bool[Tensor, "H W 1"]
-) -> tuple[Float[Tensor, "H W 3"], Bool[Tensor, "rows columns"]]:
-    """What the user's mask does: where it leaves a photo out, the photo is as the static scene.
-
-    Args:
-        static: a constant from here on.
-        mask: True in the pixels that count.
-
-    Returns:
-        The photo, and the cells of `grid_of` that count.
-    """
-    return torch.where(mask, photo, static.detach()), counted_cells(mask)
-
-
 @dataclass(frozen=True)
 class Comparison:
     """A photo beside the static scene."""
@@ -111,6 +94,45 @@ class Comparison:
     """On the grid of `grid_of`."""
     counted: Bool[Tensor, "rows columns"] | None
     """Cells that the user's mask leaves in; None if it leaves out none."""
+
+
+def decide(
+    comparison: Comparison,
+    unexplained: Callable[[], Float[Tensor, "r c"] | None],
+    by: Thresholds = Thresholds(),
+) -> Bool[Tensor, "rows columns"]:
+    """Where a photo shows what other views do not, on the grid of `grid_of`; masked cells are in no
+    region.
+
+    A region is made of connected cells with an evidence (`evidence_of`) above `by.weak`, one of
+    them with more than `by.peak_levels` * level, `by.most_peak` at most, and more than `by.strong`.
+    Cells of which nobody knows may belong to a region, and make none. Nothing is remembered.
+
+    Args:
+        unexplained: gives that of the photo, by `PlaneSweep.unexplained`, on any grid; None where
+            nobody was asked, and the excess alone is the evidence. On the CPU it is called only
+            where the excess would be enough.
+    """
+    excess, counted = comparison.excess, comparison.counted
+    rows, columns = excess.values.shape
+    grid = columns, rows
+    needed = (by.peak_levels * excess.level).clamp(by.strong, max(by.strong, by.most_peak))
+    strong = excess.values > needed
+    if strong.is_cpu and not strong.numpy().any():  # as in most photos, which then cost no more
+        return strong
+    evidence, is_known = evidence_of(excess, unexplained(), by)
+    strong = (evidence > needed) & is_known
+    if strong.is_cpu and not strong.numpy().any():
+        return strong
+    alike = shared_detail(comparison.static, comparison.photo, by)
+    has_foreign_detail = pooled(alike[..., None], grid)[0] <= by.shared_detail
+    weak = (evidence > by.weak) & has_foreign_detail
+    colors = pooled(comparison.photo.permute(1, 2, 0), grid)
+    regions = along_edges(outlier_regions(weak, strong & has_foreign_detail), colors, by)
+    return regions if counted is None else regions & counted
+
+
+# --- colours --------------------------------------------------------------------------------------
 
 
 def compare(
@@ -151,47 +173,36 @@ def own_colors(
     photo: Float[Tensor, "3 r c"],
     by: Thresholds = Thresholds(),
 ) -> Float[Tensor, "3 r c"]:
-    """The colours of the static scene itself, whatever is behind it: what is not learned yet, or
-    recovers from a reset of opacities, differs from the photo by chance otherwise. Below an opacity
-    of `by.opacity` they are drawn to the photo's: an empty scene contradicts nothing."""
+    """The colours of the static scene itself, whatever is behind it. Below an opacity of
+    `by.opacity` they are drawn to the photo's: an empty scene contradicts nothing."""
     own = photo + (static - alpha * photo - (1 - alpha) * behind) / alpha.clamp(min=by.opacity)
     return own.clamp(0, 1)
 
 
-def decide(
-    comparison: Comparison,
-    unexplained: Callable[[], Float[Tensor, "r c"] | None],
+@torch.no_grad()
+def own_sky(
+    photo: Float[Tensor, "H W 3"],
+    alpha_s: Float[Tensor, "H W 1"],
     by: Thresholds = Thresholds(),
 ) -> Bool[Tensor, "rows columns"]:
-    """Where a photo shows what other views do not, on the grid of `grid_of`; masked cells are in no
-    region.
+    """Cells of `grid_of` that show no scene, and no detail in the photo.
 
-    A region is made of connected cells with an evidence (`evidence_of`) above `by.weak`, one of
-    them with more than `by.peak_levels` * level, `by.most_peak` at most, and more than `by.strong`.
-    Cells of which nobody knows may belong to a region, and make none. Nothing is remembered.
+    A background of each photo's own stands behind the scene there, so a photo that differs need not
+    have anything in front. What has detail, if only at its edges, is judged as elsewhere.
 
     Args:
-        unexplained: gives that of the photo, by `PlaneSweep.unexplained`, on any grid; None where
-            nobody was asked, and the excess alone is the evidence. On the CPU it is called only
-            where the excess would be enough.
+        photo: in [0, 1].
+        alpha_s: opacity of the static scene.
     """
-    excess, counted = comparison.excess, comparison.counted
-    rows, columns = excess.values.shape
-    grid = columns, rows
-    needed = (by.peak_levels * excess.level).clamp(by.strong, max(by.strong, by.most_peak))
-    strong = excess.values > needed
-    if strong.is_cpu and not strong.numpy().any():  # as in most photos, which then cost no more
-        return strong
-    evidence, is_known = evidence_of(excess, unexplained(), by)
-    strong = (evidence > needed) & is_known
-    if strong.is_cpu and not strong.numpy().any():
-        return strong
-    alike = shared_detail(comparison.static, comparison.photo, by)
-    has_foreign_detail = pooled(alike[..., None], grid)[0] <= by.shared_detail
-    weak = (evidence > by.weak) & has_foreign_detail
-    colors = pooled(comparison.photo.permute(1, 2, 0), grid)
-    regions = along_edges(outlier_regions(weak, strong & has_foreign_detail), colors, by)
-    return regions if counted is None else regions & counted
+    height, width = photo.shape[:2]
+    grid, fine = grid_of(width, height), fine_grid_of(width, height)
+    grey = pooled(photo, fine).mean(dim=0)
+    mean, square = window_means(torch.stack([grey, grey.square()]), by.detail_window)
+    variance = pooled((square - mean.square())[..., None], grid)[0]
+    return (variance < by.detail_noise) & (pooled(alpha_s, grid)[0] < by.opacity)
+
+
+# --- evidence -------------------------------------------------------------------------------------
 
 
 def evidence_of(
@@ -214,6 +225,9 @@ def evidence_of(
     return torch.where(is_known, limited, excess.values), is_known
 
 
+# --- detail ---------------------------------------------------------------------------------------
+
+
 def shared_detail(
     static: Float[Tensor, "3 fine_rows fine_columns"],
     photo: Float[Tensor, "3 fine_rows fine_columns"],
@@ -221,9 +235,8 @@ def shared_detail(
 ) -> Float[Tensor, "fine_rows fine_columns"]:
     """Correlation of the grey of both in the surroundings of each cell, in [-1, 1].
 
-    Flare, exposure and shade change the colours of a place and leave its detail; so does a static
-    scene that is not sharp yet, so both are smoothed first. Something in front of it has detail of
-    its own, or none. The correlation is the same for any gain and offset of the colours.
+    Flare, exposure and shade change the colours of a place and leave its detail; something in front
+    of it has detail of its own, or none. Both are smoothed, as the scene may not be sharp yet.
 
     Args:
         static: the static scene in cells of `fine_grid_of`, colours in [0, 1].
@@ -238,56 +251,25 @@ def shared_detail(
     return (sp - s * p) / (of_static * of_photo).sqrt()
 
 
-@torch.no_grad()
-def own_sky(
-    photo: Float[Tensor, "H W 3"],
-    alpha_s: Float[Tensor, "H W 1"],
-    by: Thresholds = Thresholds(),
-) -> Bool[Tensor, "rows columns"]:
-    """Cells of `grid_of` that show no scene, and no detail in the photo.
-
-    A background of each photo's own stands behind the scene there. What the others show there is
-    their sky, so a photo that differs from it need not have anything in front; whatever has no
-    detail may be its sky. What has some, if only at its edges, is judged as elsewhere.
-
-    Args:
-        photo: in [0, 1].
-        alpha_s: opacity of the static scene.
-    """
-    height, width = photo.shape[:2]
-    grid, fine = grid_of(width, height), fine_grid_of(width, height)
-    grey = pooled(photo, fine).mean(dim=0)
-    mean, square = window_means(torch.stack([grey, grey.square()]), by.detail_window)
-    variance = pooled((square - mean.square())[..., None], grid)[0]
-    return (variance < by.detail_noise) & (pooled(alpha_s, grid)[0] < by.opacity)
+# --- regions --------------------------------------------------------------------------------------
 
 
 def outlier_regions(
     weak: Bool[Tensor, "rows columns"], strong: Bool[Tensor, "rows columns"]
 ) -> Bool[Tensor, "rows columns"]:
-    """Connected cells that stand out at least weakly, one of them strongly; gaps are closed and
-    holes filled.
-
-    They are found on the host: the maps go there, and the regions come back.
-
-    Two thresholds, because the inside of an occluder is in places coloured like what it covers,
-    and because noise above the lower one alone is no reason.
+    """Connected cells that stand out at least weakly, one of them strongly, found on the host; gaps
+    are closed and holes filled. What is in the way is in places coloured like what it covers, and
+    noise above the lower threshold alone is no reason.
 
     Source: hysteresis of Canny 1986. OpenCV takes a quarter of the time of SciPy here.
     """
-    return to_device(connected(*masks_to_host(weak, strong)), weak.device)
-
-
-def connected(
-    weak: Bool[np.ndarray, "rows columns"], strong: Bool[np.ndarray, "rows columns"]
-) -> Bool[np.ndarray, "rows columns"]:
-    """`outlier_regions`, on the host."""
+    weak_, strong_ = masks_to_host(weak, strong)
     # cells touch by a side or a corner; labels of weak ones are from 1 on
-    parts: tuple[int, np.ndarray] = cv2.connectedComponents(weak.astype(np.uint8), connectivity=8)
+    parts: tuple[int, np.ndarray] = cv2.connectedComponents(weak_.astype(np.uint8), connectivity=8)
     count, labels = parts
     keep = np.zeros(count, bool)
-    keep[labels[strong]] = True
-    return _without_holes(_closed(keep[labels] & (labels > 0)))
+    keep[labels[strong_]] = True
+    return to_device(_without_holes(_closed(keep[labels] & (labels > 0))), weak.device)
 
 
 def _closed(mask: np.ndarray) -> np.ndarray:
@@ -312,9 +294,8 @@ def along_edges(
     """The regions, each cell given to the side whose colours it has.
 
     Residuals are averaged over some cells, so a region found in them ends some cells beyond the
-    thing that it is for; the thing itself ends where the photo's colours change. Around each cell
-    the regions are fitted by a linear function of the colours; where the mean of all fits is above
-    a half is inside.
+    thing that it is for. Around each cell the regions are fitted by a linear function of the
+    colours; where the mean of all fits is above a half is inside.
 
     Args:
         colors: of the photo in cells, in [0, 1].

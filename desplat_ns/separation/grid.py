@@ -1,7 +1,6 @@
 """The grid of cells on which residuals and regions are computed, whatever the size of a photo.
 
-On a CPU OpenCV takes the means, on a GPU torch does. Regions are found on the host: the copy to it
-waits until a GPU has done all that it was given, so a step has one.
+On a CPU OpenCV takes the means, on a GPU torch does.
 """
 
 from __future__ import annotations
@@ -13,7 +12,7 @@ import cv2
 import numpy as np
 import torch
 import torch.nn.functional as F
-from jaxtyping import Bool, Float, Shaped
+from jaxtyping import Float, Shaped
 from torch import Tensor
 
 CELLS = 8000
@@ -60,12 +59,6 @@ def _shares(
     return ((most - least).clamp(min=0) * (cells / pixels)).to(dtype)
 
 
-def counted_cells(mask: Bool[Tensor, "H W 1"]) -> Bool[Tensor, "rows columns"]:
-    """The cells of `grid_of` of which half counts; `mask` is True in the pixels that count."""
-    height, width = mask.shape[:2]
-    return pooled(mask.to(torch.float32), grid_of(width, height))[0] >= 0.5
-
-
 def region_pixels(
     regions: Shaped[Tensor, "rows columns"], height: int, width: int
 ) -> Shaped[Tensor, "H W 1"]:
@@ -93,15 +86,6 @@ def window_means(
     return torch.from_numpy(means).permute(2, 0, 1)
 
 
-def window_maxima(plane: Float[Tensor, "H W"], size: int) -> Float[Tensor, "H W"]:
-    """Maxima over windows of `size` x `size` pixels (an odd number). Without gradients."""
-    plane = plane.detach()
-    if not plane.is_cpu:
-        rows = F.max_pool1d(plane, size, 1, size // 2)  # row by row: a tenth of max_pool2d's time
-        return F.max_pool1d(rows.T.contiguous(), size, 1, size // 2).T
-    return torch.from_numpy(cv2.dilate(plane.numpy(), np.ones((size, size), np.uint8)))
-
-
 @lru_cache(maxsize=32)
 def _window_counts(rows: int, columns: int, size: int) -> Float[np.ndarray, "rows columns 1"]:
     """Cells in each window."""
@@ -111,19 +95,3 @@ def _window_counts(rows: int, columns: int, size: int) -> Float[np.ndarray, "row
 def _window_sums(planes: Float[np.ndarray, "rows columns *C"], size: int) -> np.ndarray:
     window = (size, size)
     return cv2.boxFilter(planes, -1, window, normalize=False, borderType=cv2.BORDER_CONSTANT)
-
-
-def masks_to_host(*masks: Bool[Tensor, "..."]) -> list[Bool[np.ndarray, "..."]]:
-    """Copies of masks of any shapes on the host, which waits once."""
-    flat = torch.cat([mask.flatten() for mask in masks]).cpu().numpy()
-    ends = np.cumsum([mask.numel() for mask in masks])
-    parts = np.split(flat, ends[:-1])
-    return [part.reshape(mask.shape) for part, mask in zip(parts, masks, strict=True)]
-
-
-def to_device(values: np.ndarray, device: torch.device) -> Tensor:
-    """A copy on the device. Nothing waits: a GPU fetches it from pinned memory in its turn."""
-    tensor = torch.from_numpy(values)
-    if device.type == "cuda":
-        return tensor.pin_memory().to(device, non_blocking=True)
-    return tensor.to(device)

@@ -1,13 +1,9 @@
 """Finds what one photo shows and the other views do not: its residual beyond the expected one.
 
-A residual alone cannot tell an occluder from a place that the static scene has not learned yet, or
-never will. But such a place is missed in every view that sees it, and an occluder stands in one.
-So each static Gaussian remembers how large the residual around it usually is (a running median over
-the views that see it, which an occluder in fewer than half of them does not move), and what the
-Gaussians in a part of the image remember is what is expected there.
-
-All of it happens on a grid of about `grid.CELLS` cells, whatever the photo's size, and in residuals
-relative to the view's own level: exposure, training progress and resets move all cells alike.
+A place that the scene has not learned is missed in every view that sees it, and an occluder stands
+in one. So each static Gaussian remembers the median of the residuals around it, which an occluder
+in fewer than half of its views does not move; that is expected there. Residuals are relative to the
+view's own level, since exposure, progress and resets move all cells alike.
 """
 
 from __future__ import annotations
@@ -26,8 +22,7 @@ from desplat_ns.separation.grid import pooled, window_means
 
 SMOOTHING = 3
 """Cells (an odd number) over which colours are averaged, fine ones, and residuals, so that neither
-texture counts nor what is only not sharp yet. What is as small as a cell or two is lost in a wider
-window."""
+texture counts nor what is only not sharp yet."""
 
 EXPECTED_WINDOW = 5
 """Cells (an odd number) over which Gaussians say what is expected."""
@@ -44,9 +39,6 @@ RESIDUAL_MEDIANS = "usual_residual"
 in it together with the Gaussians, and which checkpoints hold: their running medians of
 log(residual / level of its view)."""
 
-LEAST_VIEWS = 2
-"""Of two views nobody can tell which is right; a median of three holds against one."""
-
 MIN_RESIDUAL = 1e-4
 """Below this, residuals (colours in [0, 1]) are equal."""
 
@@ -59,8 +51,7 @@ def local_residual(
     """Largest difference of the three colours, averaged around each cell of `grid`.
 
     The difference is averaged before its absolute value is taken: what is only not sharp yet
-    cancels out. The largest of the three: what is fine or moved differs in brightness most, and
-    what is another thing in one colour more than in the others.
+    cancels out. What is another thing differs in one colour more than in the others.
 
     Args:
         static: the static scene in cells of `fine_grid_of`, colours in [0, 1].
@@ -139,7 +130,7 @@ def cells_of(
     """Which Gaussians have their centre in the image and not in a masked cell, and their cells as
     flat indices.
 
-    All others are in one cell more, behind the last. Nothing is gathered: most are in the image.
+    All others are in one cell more, behind the last.
     """
     rows, columns = shape
     x, y = means2d.floor().unbind(-1)

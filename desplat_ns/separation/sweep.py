@@ -1,11 +1,9 @@
 """What other photos say of a place, whatever the scene has learned so far: a plane sweep.
 
-A residual cannot tell something in the way from a place that the scene has not learned, or that few
-photos show. Other photos can. The place is scene if two neighbours show the same as this photo at
-some depth, unless most of the photos that look at the place show something else there. If others
-look and no two of them agree with this photo at any depth, something may be in the way. If hardly
-anybody else looks, nobody knows, and leaving the place out would teach nothing. Letters in shapes:
-V views, P points.
+A place is scene if two neighbours show the same as this photo at some depth, unless most of the
+photos that look at the place show something else there. If others look and no two of them agree
+with this photo at any depth, something may be in the way. If hardly anybody else looks, nobody
+knows. Letters in shapes: V views, P points.
 """
 
 from __future__ import annotations
@@ -31,7 +29,8 @@ from desplat_ns.cameras.near_plane import sampled
 from desplat_ns.cameras.view_pairs import homographies, lower_median, views_beside
 from desplat_ns.cameras.views import image_points, in_image, views_of
 from desplat_ns.core.console import about, announce
-from desplat_ns.separation.grid import fine_grid_of, pooled, to_device
+from desplat_ns.core.devices import to_device
+from desplat_ns.separation.grid import fine_grid_of, pooled
 
 MAX_POINTS = 3000
 """Points of the reconstruction by which neighbours, depths and exposures are found."""
@@ -142,9 +141,6 @@ def disputed(
     its place show there, colours in [0, 1]; 0 where fewer than `FEWEST_LOOKERS` look, and where the
     photo itself does not show all of the window.
 
-    It is averaged over a cell's surroundings: parts of what is in the way may have the colours of
-    what others see at their place.
-
     Args:
         others: in the exposure of the photo.
         inverse_depths: of the cells before the photo's camera, per world unit.
@@ -196,11 +192,10 @@ def photo_to_sweep(
 
 
 class PlaneSweep:
-    """What each photo of a capture shows that others do not: of photos and cameras alone.
+    """What each photo of a capture shows that others do not, by photos and cameras alone.
 
-    Photos are kept at their first visit. What is unexplained in one is found once: when it is first
-    asked for, or on a GPU ahead of that, by a thread that starts when all photos are there. Whoever
-    comes first does it, with the same result.
+    Photos are kept at their first visit. Each is swept once: when it is first asked for, or on a
+    GPU ahead of that, by a thread that starts when all photos are there.
     """
 
     def __init__(self, points: Float[Tensor, "P 3"] | None, cameras: Cameras):

@@ -18,7 +18,7 @@ from desplat_ns.backend.protocol import Rendering, View
 from desplat_ns.core.schedule import NominalStep, RunStep, Schedule
 from desplat_ns.distractors import layer
 from desplat_ns.distractors.config import DistractorConfig
-from desplat_ns.distractors.layer import DistractorLayer, Step
+from desplat_ns.distractors.layer import DistractorLayer, Step, apply_mask
 from desplat_ns.distractors.sets import DistractorGaussians
 from desplat_ns.model import DeSplatModel
 from desplat_ns.model_config import DeSplatModelConfig
@@ -162,3 +162,14 @@ def test_a_background_that_the_user_chose_is_scene_and_a_random_one_is_not(monke
             step, step.photo, step.static_rgb, torch.ones(3), None, scene.opacities, scene.state
         )
     assert seen[0] is not None and seen[1] is None
+
+
+def test_a_cell_counts_if_half_of_its_pixels_do():
+    mask = torch.ones(160, 200, 1, dtype=torch.bool)  # cells of 2 x 2 pixels
+    mask[:2, :4] = torch.tensor([[1, 0, 0, 1], [1, 0, 0, 0]], dtype=torch.bool)[..., None]
+    photo = torch.rand(160, 200, 3, generator=torch.Generator().manual_seed(0))
+    seen, counted = apply_mask(photo, 1 - photo, mask)
+    assert torch.equal(seen, photo.where(mask, 1 - photo))
+    assert counted.shape == (80, 100)
+    assert counted[0, :3].tolist() == [True, False, True]
+    assert counted.sum() == counted.numel() - 1

@@ -11,8 +11,8 @@ from nerfstudio.cameras.cameras import Cameras
 from desplat_ns.backend.protocol import Rendering, View
 from desplat_ns.cameras.views import view_of
 from desplat_ns.core.schedule import NominalStep, RunStep
-from desplat_ns.distractors.layer import Step
-from desplat_ns.separation.decide import StaticView, Thresholds, apply_mask, compare, decide
+from desplat_ns.distractors.layer import Step, apply_mask
+from desplat_ns.separation.decide import StaticView, Thresholds, compare, decide
 from desplat_ns.separation.residuals import RESIDUAL_MEDIANS, medians_in
 
 WIDTH, HEIGHT = 60, 40

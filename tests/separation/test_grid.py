@@ -6,7 +6,6 @@ import pytest
 import torch
 
 from desplat_ns.separation.grid import (
-    counted_cells,
     fine_grid_of,
     grid_of,
     pooled,
@@ -45,15 +44,6 @@ def test_a_gpu_takes_the_same_means_by_other_ways(size, monkeypatch):
 def test_fine_cells_have_half_the_size_but_no_less_than_a_pixel():
     assert fine_grid_of(1920, 1080) == tuple(2 * n for n in grid_of(1920, 1080))
     assert fine_grid_of(120, 100) == (120, 100)
-
-
-def test_a_cell_counts_if_half_of_its_pixels_do():
-    mask = torch.ones(160, 200, 1, dtype=torch.bool)  # cells of 2 x 2 pixels
-    mask[:2, :4] = torch.tensor([[1, 0, 0, 1], [1, 0, 0, 0]], dtype=torch.bool)[..., None]
-    counted = counted_cells(mask)
-    assert counted.shape == (80, 100)
-    assert counted[0, :3].tolist() == [True, False, True]
-    assert counted.sum() == counted.numel() - 1
 
 
 @pytest.mark.parametrize("size", [3, 13])
