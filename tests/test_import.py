@@ -15,7 +15,7 @@ print(*(name for name in sys.modules if not name.startswith("desplat_ns")))
 """What comes with the methods, by its own doing."""
 
 COMPARED = """
-import ctypes, importlib, locale, os, signal, sys, types, warnings
+import importlib, os, signal, sys, types, warnings
 
 for name in MODULES:
     try:
