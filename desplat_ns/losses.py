@@ -1,5 +1,5 @@
-"""The terms of Eq. 5 and Eq. 9 to 12, and the price of what no photo needs; `get_loss_dict` of the
-model adds them.
+"""The terms of Eq. 5 and Eq. 9 to 12, and the price of what no photo needs; `image_losses` says how
+much each counts.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ RESPONSE_OBSERVATIONS = 1000
 
 def photometric_losses(
     photo: Float[Tensor, "H W 3"],
-    owned: Float[Tensor, "H W 1"] | None,
+    distractor_weight: Float[Tensor, "H W 1"] | None,
     ssim_weight: float,
     *images: Float[Tensor, "H W 3"],
     leak: float = 0.0,
@@ -31,26 +31,26 @@ def photometric_losses(
 ) -> tuple[Float[Tensor, ""], ...]:
     """(1 - w) L1 + w D-SSIM of a photo and each image in [0, 1]; w is `ssim_weight`.
 
-    In L1 of the first image a pixel counts by 1 - (1 - leak) owned. For its D-SSIM, whose windows
-    reach across the border, the photo is blended with the image itself, as a constant: there is
-    nothing to see where it is owned.
+    In L1 of the first image a pixel counts by 1 - (1 - leak) distractor_weight. For its D-SSIM,
+    whose windows reach across the border, the photo is blended with the image itself by this
+    weight, as a constant.
 
     Args:
-        owned: by distractors, in the first image; None for nothing. In the second nothing is.
-        leak: weight in L1 of what they own wholly.
-        images: one, or two that are equal in all pixels of which nothing is owned. On a CPU blocks
+        distractor_weight: of the first image, in [0, 1]; None for 0. That of the second is 0.
+        leak: what a pixel of distractor weight 1 counts in L1.
+        images: one, or two that are equal wherever the distractor weight is 0. On a CPU blocks
             in which they are equal are worked out once, and the second has no gradient there.
         compiled: by numba's kernels where they can; else by torch.
 
-    Source: L_GS, the photometric term of Eq. 5 and 12; `owned` is ours
+    Source: L_GS, the photometric term of Eq. 5 and 12; `distractor_weight` is ours
     (docs/explain/separation.md).
     """
     if compiled and all(is_fast(image, photo) for image in images):
-        return compiled_photometric(photo, owned, leak, ssim_weight, *images)
+        return compiled_photometric(photo, distractor_weight, leak, ssim_weight, *images)
     differences, targets = [(image - photo).abs() for image in images], [photo for _ in images]
-    if owned is not None:
-        differences[0] = (1 - (1 - leak) * owned) * differences[0]
-        targets[0] = torch.lerp(photo, images[0].detach(), owned)
+    if distractor_weight is not None:
+        differences[0] = (1 - (1 - leak) * distractor_weight) * differences[0]
+        targets[0] = torch.lerp(photo, images[0].detach(), distractor_weight)
     likeness = similarities(images, targets)
     pairs = zip(differences, likeness, strict=True)
     return tuple((1 - ssim_weight) * d.mean() + ssim_weight * (1 - s) for d, s in pairs)

@@ -30,10 +30,8 @@ from desplat_ns.core.schedule import NominalStep, RunStep, Schedule, pause_after
 from desplat_ns.data.images import resize_image
 from desplat_ns.data.point_cloud import distinct
 from desplat_ns.data.training_views import train_index, view_name
-from desplat_ns.distractors.layer import DistractorLayer, Step
-from desplat_ns.distractors.placement import distractor_weight
+from desplat_ns.distractors.distractors import Distractors
 from desplat_ns.distractors.refinement import strategy_info
-from desplat_ns.distractors.sets import DistractorGaussians
 from desplat_ns.gaussians.activation import (
     RawParameters,
     activate_distractors,
@@ -41,16 +39,9 @@ from desplat_ns.gaussians.activation import (
     resize_rows,
 )
 from desplat_ns.gaussians.strategy import StaticStrategy
+from desplat_ns.image_losses import image_losses, main_loss
 from desplat_ns.layers import layered_outputs, over_background, static_outputs
-from desplat_ns.losses import (
-    background_opacity_loss,
-    camera_response_loss,
-    distractor_opacity_loss,
-    explained_by_background,
-    mean_shown_opacity,
-    photometric_losses,
-    static_transparency_loss,
-)
+from desplat_ns.losses import camera_response_loss, mean_shown_opacity
 from desplat_ns.metrics import LazyLpips, image_metrics
 from desplat_ns.model_config import DeSplatModelConfig
 from desplat_ns.photo_tourism.appearance import fourier_features
@@ -62,6 +53,7 @@ from desplat_ns.plugin import (
     splatfacto_modules_without_torchmetrics,
 )
 from desplat_ns.separation.residuals import cells_of
+from desplat_ns.step import Step
 from desplat_ns.viewer import LayerControl
 
 MIN_SEED_POINTS = 4
@@ -76,8 +68,8 @@ class DeSplatModel(SplatfactoModel):
     effects: Effects
     """Those of this model, all decided."""
     image_effects: ImageEffects
-    distractors: DistractorGaussians | None
-    """The parameters, where checkpoints look for them."""
+    distractors: Distractors | None
+    """Those of all training views; None in a model without any."""
     schedule = Schedule()
     """Of the run: all that changes with its steps is in its nominal steps."""
     train_step: Step | None = None
@@ -129,14 +121,11 @@ class DeSplatModel(SplatfactoModel):
             features = fourier_features(self.means.detach(), frequencies)
             self.gauss_params[FEATURES] = nn.Parameter(features)
         self.shown_light = ShownLight(self.names if effects.image_light else [])
-        self.layer: DistractorLayer | None = None
         self.distractors = None
         if effects.distractors:
-            own = config.distractors
             seeds = points[0].to(cameras.device) if points and self.has_points else None
-            self.distractors = gaussians = DistractorGaussians(own, cameras)
-            self.layer = DistractorLayer(
-                gaussians, own, config, cameras, seeds, effects.background, scale
+            self.distractors = Distractors(
+                config.distractors, config, cameras, seeds, effects.background, scale
             )
         views = range(num_views if effects.distractors else 0)
         shown = [view_name(self.names, index) for index in views]
@@ -204,8 +193,9 @@ class DeSplatModel(SplatfactoModel):
         background = self.background_of(view, embedding)
         image = self.image_of(static, background, view, embedding)
         outputs = static_outputs(static, image, self._photographed(background, view, embedding))
-        if self.layer is not None:
-            drawn = None if index is None else self.layer.draw(index, self._rasterizer_of(view))
+        if self.distractors is not None:
+            rasterize = self._rasterizer_of(view)
+            drawn = None if index is None else self.distractors.draw(index, rasterize)
             outputs["rgb_static"] = outputs["rgb"]
             outputs |= layered_outputs(image, outputs["rgb"], drawn)
         return self.layer_control.chosen(outputs)
@@ -223,16 +213,16 @@ class DeSplatModel(SplatfactoModel):
         )
         step = Step(self.nominal_step, RunStep(self.step), index, view, static)
         self.train_step = step
-        if self.layer is not None:
+        if self.distractors is not None:
             rasterize = self._rasterizer_of(detached(view))  # poses are the static scene's to learn
-            step.distractors = self.layer.draw_for_training(step.nominal, index, rasterize)
+            step.distractors = self.distractors.draw_for_training(step.nominal, index, rasterize)
         background = self.background_of(view, embedding)
         image = self.image_of(static, background, view, embedding)
         outputs = static_outputs(static, image, background)
-        if self.layer is not None:
+        if self.distractors is not None:
             outputs["rgb_static"] = outputs["rgb"]
             # The composite's loss moves distractors only: what lies beneath them is a constant.
-            alone = self.layer.config.static_alone and step.distractors is not None
+            alone = self.distractors.config.static_alone and step.distractors is not None
             beneath = image.detach() if alone else image
             outputs |= layered_outputs(beneath, outputs["rgb"], step.distractors)
             outputs["rgb"] = outputs["rgb_composite"]
@@ -246,123 +236,55 @@ class DeSplatModel(SplatfactoModel):
     def get_loss_dict(
         self, outputs: dict[str, Any], batch: dict[str, Any], metrics_dict: Any = None
     ) -> dict[str, Tensor]:
-        """The terms of Eq. 5 and 12, and those that `distractors.static_alone` and `opacity_prior`
-        add; training adds them up. Outside of training, those of the static scene."""
+        """The terms of the loss; training adds them up. Outside of training, those of the static
+        scene."""
         if not self.training:
             photo = self.photo_of(outputs, batch)
             mask = self.mask_of(batch, photo.device)
-            main = {"main_loss": self._main_loss(outputs["rgb"], photo, mask)}
-            return main | self._scale_loss()
+            return {"main_loss": main_loss(outputs["rgb"], photo, mask, self.config)}
         step = self.train_step
         assert step is not None
-        losses = self._losses_of(step, outputs, *self._compare(step, outputs, batch))
+        self._compare(step, outputs, batch)
+        losses = image_losses(step, outputs, self.config, self.effects)
+        losses |= self.regularizers(step, losses["main_loss"])
         step.losses = {name: value.detach() for name, value in losses.items()}
         return losses
 
-    def _compare(
-        self, step: Step, outputs: dict[str, Any], batch: dict[str, Any]
-    ) -> tuple[Tensor, Tensor, Tensor | None, Tensor | None]:
-        """What the losses of a step compare with: the photo [H, W, 3], which is the static scene
-        where the user masks it; what it shows behind everything; the user's mask [H, W, 1]; and 1
-        in pixels of regions [H, W, 1], which the step finds on the way."""
-        layer, behind = self.layer, outputs["background"]
-        looks = layer is not None and layer.looks(step)
+    def _compare(self, step: Step, outputs: dict[str, Any], batch: dict[str, Any]) -> None:
+        """Bring a step's images together with its photo, and find its regions, if that is due."""
+        own, behind = self.distractors, outputs["background"]
+        looks = own is not None and own.looks(step)
         if looks or self.effects.background != "off" or batch["image"].shape[2] == 4:
             behind = self._photographed(behind, step.view, self.embedding_of(step.index))
-        photo = self.photo_of({"background": behind}, batch)
-        mask, in_region = self.mask_of(batch, photo.device), None
-        if layer is not None:
-            static, opacities = outputs["rgb_static"], self.gauss_params["opacities"]
-            state = self.strategy_state
-            photo, in_region = layer.look(step, photo, static, behind, mask, opacities, state)
-        return photo, behind, mask, in_region
+        step.behind, step.photo = behind, self.photo_of({"background": behind}, batch)
+        step.mask = self.mask_of(batch, step.photo.device)
+        if own is not None:
+            step.static_rgb = outputs["rgb_static"]
+            own.look(step, self.gauss_params["opacities"], self.strategy_state)
 
-    def _losses_of(
-        self,
-        step: Step,
-        outputs: dict[str, Any],
-        photo: Tensor,
-        behind: Tensor,
-        mask: Tensor | None,
-        in_region: Tensor | None,
-    ) -> dict[str, Tensor]:
-        """The terms of a step; the rest as `_compare` gives it."""
-        config, layer, sky = self.config, self.layer, self.effects.background
-        alpha_s = outputs["accumulation"]
-        alpha_d = outputs.get("alpha_distractor", torch.zeros_like(alpha_s))
-        if mask is not None:  # in what it leaves out nothing is drawn, and nothing is missing
-            alpha_s, alpha_d = alpha_s.where(mask, 1.0), alpha_d.where(mask, 0.0)
-        losses: dict[str, Tensor] = {}
-        owned = None
-        if layer is not None and step.distractors is not None and layer.config.static_alone:
-            owned = distractor_weight(alpha_d, in_region)
-        if owned is None:
-            losses["main_loss"] = self._main_loss(outputs["rgb"], photo, mask)
-        else:
-            losses |= self._separate_losses(step, outputs, photo, mask, owned)
-        if layer is not None:
-            price = distractor_opacity_loss(alpha_d, in_region)
-            losses["distractor_opacity"] = layer.config.lambda_d * price
-            # Before a photo's own sky, B.3 has 0.
-            if sky == "off" or (sky != "image" and owned is not None):
-                transparency = static_transparency_loss(alpha_s, None if sky == "off" else owned)
-                losses["static_transparency"] = layer.config.lambda_s * transparency
-        if sky != "off":
-            explained = explained_by_background(behind, photo, config.background.max_error)
-            explained = explained if mask is None else explained & mask
-            price = background_opacity_loss(alpha_d, alpha_s, explained)
-            losses["background_opacity"] = config.background.lambda_bg * price
-        if self.image_effects.responses is not None:
-            numbers = self.image_effects.responses[step.index]
-            mean = self.image_effects.responses.mean(dim=0)
-            losses["camera_response"] = camera_response_loss(numbers, mean, losses["main_loss"])
-        losses |= self._scale_loss()
+    def regularizers(self, step: Step, main_loss: Tensor) -> dict[str, Tensor]:
+        """What a step is charged beside its images: poses, responses, grids, Gaussians."""
+        config, losses = self.config, dict[str, Tensor]()
+        responses = self.image_effects.responses
+        if responses is not None:
+            mean = responses.mean(dim=0)
+            numbers = responses[step.index]
+            losses["camera_response"] = camera_response_loss(numbers, mean, main_loss)
+        if config.use_scale_regularization and self.step % 10 == 0:  # as nerfstudio 1.1.5
+            scales = torch.exp(self.scales)
+            ratio = scales.amax(dim=-1) / scales.amin(dim=-1)
+            too_long = (ratio - config.max_gauss_ratio).clamp(min=0)
+            losses["scale_reg"] = 0.1 * too_long.mean()
         self.camera_optimizer.get_loss_dict(losses)
         if config.use_bilateral_grid:
             losses["tv_loss"] = 10 * total_variation_loss(self.bil_grids.grids)
         if config.opacity_prior > 0:
             weight, shown = config.opacity_prior / self.num_train_data, step.static.visible
-            if mask is not None:  # Gaussians whose centres lie in pixels that count
+            if step.mask is not None:  # Gaussians whose centres lie in pixels that count
                 means2d = step.static.means2d.detach()[0]
-                shown, _ = cells_of(means2d, shown, mask.shape[:2], mask[..., 0])
+                shown, _ = cells_of(means2d, shown, step.mask.shape[:2], step.mask[..., 0])
             losses["opacity_prior"] = weight * mean_shown_opacity(self.opacities, shown)
         return losses
-
-    def _separate_losses(
-        self,
-        step: Step,
-        outputs: dict[str, Any],
-        photo: Tensor,
-        mask: Tensor | None,
-        owned: Tensor,
-    ) -> dict[str, Tensor]:
-        """L_GS of the composite, which moves distractors only, and of the static scene on what they
-        do not own; in masked pixels the composite shows the static scene, as the photo does."""
-        assert self.layer is not None
-        static, composite = outputs["rgb_static"], outputs["rgb"]
-        grows = step.nominal < self.config.stop_split_at
-        leak = self.layer.config.leak if grows else 0.0
-        if mask is not None:  # windows reach across its border
-            static, composite = (static.detach().where(~mask, i) for i in (static, composite))
-        if self.config.use_bilateral_grid:  # the composite moves the grids everywhere
-            (own,) = self._photometric(photo, owned, static, leak=leak)
-            (main,) = self._photometric(photo, None, composite)
-        else:
-            own, main = self._photometric(photo, owned, static, composite, leak=leak)
-        return {"main_loss": main, "static_photometric": own}
-
-    def _main_loss(self, image: Tensor, photo: Tensor, mask: Tensor | None) -> Tensor:
-        """L_GS of an image; what is masked is black in it and in the photo."""
-        if mask is not None:
-            image, photo = image * mask, photo * mask
-        return self._photometric(photo, None, image)[0]
-
-    def _photometric(
-        self, photo: Tensor, owned: Tensor | None, *images: Tensor, leak: float = 0.0
-    ) -> tuple[Tensor, ...]:
-        """`photometric_losses`; backend `torch` has torch alone, to rule out what is compiled."""
-        weight, compiled = self.config.ssim_lambda, self.config.backend != "torch"
-        return photometric_losses(photo, owned, weight, *images, leak=leak, compiled=compiled)
 
     def _photographed(self, background: Tensor, view: View, embedding: Tensor) -> Tensor:
         """What a photo shows behind everything, in [0, 1]."""
@@ -398,14 +320,6 @@ class DeSplatModel(SplatfactoModel):
         size = self._size_at_hand(width, height)
         return image if size == (width, height) else reduced(image, size)
 
-    def _scale_loss(self) -> dict[str, Tensor]:
-        """Splatfacto's price of long Gaussians, in every tenth step (nerfstudio 1.1.5)."""
-        if not self.config.use_scale_regularization or self.step % 10 != 0:
-            return {}
-        scales = torch.exp(self.scales)
-        ratio = scales.amax(dim=-1) / scales.amin(dim=-1)
-        return {"scale_reg": 0.1 * (ratio - self.config.max_gauss_ratio).clamp(min=0).mean()}
-
     def step_post_backward(self, step: int) -> None:
         """Commit the step at hand after the optimizers': densify the static set, then the set of
         the view just seen.
@@ -415,8 +329,8 @@ class DeSplatModel(SplatfactoModel):
         done, self.train_step = self.train_step, None
         if done is None:
             return
-        if self.layer is not None:
-            self.layer.remember(done, self.strategy_state)
+        if self.distractors is not None:
+            self.distractors.remember(done, self.strategy_state)
         self.strategy.step_post_backward(
             self.gauss_params,
             self.optimizers,
@@ -430,8 +344,8 @@ class DeSplatModel(SplatfactoModel):
                 f"At step {step} the last static Gaussian was pruned: nothing is left to train. "
                 "The photos or their poses do not fit together, or a learning rate is too high."
             )
-        if self.layer is not None:
-            self.layer.commit(done, partial(self._weights_of, done))
+        if self.distractors is not None:
+            self.distractors.commit(done, partial(self._weights_of, done))
 
     def _weights_of(self, step: Step, params: RawParameters) -> Tensor:
         """Contributions [N] of distractors of a step's view, in pixels of its full size."""
@@ -650,14 +564,8 @@ class DeSplatModel(SplatfactoModel):
     def get_extra_state(self) -> dict[str, Any]:
         """What a checkpoint holds besides parameters: densification's running statistics."""
         state: dict[str, Any] = {"static_strategy": dict(self.strategy_state)}
-        if self.layer is not None:
-            state["regions"] = dict(self.layer.regions)
-            state["photos"] = self.layer.sweep.state()
         return state
 
     def set_extra_state(self, state: dict[str, Any]) -> None:
         """Take up what `get_extra_state` gave."""
         self.strategy_state = state_to_device(state["static_strategy"], self.device)
-        if self.layer is not None:
-            self.layer.regions = state_to_device(state["regions"], self.device)
-            self.layer.sweep.load(state["photos"])

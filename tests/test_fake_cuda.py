@@ -16,7 +16,7 @@ from typing import Any
 import pytest
 import torch
 from nerfstudio.models.splatfacto import SplatfactoModelConfig
-from torch import Tensor
+from torch import Tensor, nn
 from torch._subclasses.fake_tensor import FakeTensorMode
 from torch.fx.experimental.symbolic_shapes import ShapeEnv
 
@@ -28,7 +28,7 @@ from desplat_ns.core.devices import state_to_device
 from desplat_ns.core.effects import BackgroundGrade, Effects
 from desplat_ns.core.schedule import NominalStep, RunStep
 from desplat_ns.distractors.config import DistractorConfig
-from desplat_ns.distractors.layer import DistractorLayer, Step
+from desplat_ns.distractors.distractors import Distractors
 from desplat_ns.distractors.placement import distractor_weight
 from desplat_ns.distractors.refinement import DistractorDensifier, strategy_info
 from desplat_ns.distractors.sets import PARAMETER_NAMES, ViewDistractors
@@ -48,6 +48,7 @@ from desplat_ns.photo_tourism.image_effects import ImageEffects
 from desplat_ns.separation.decide import Thresholds
 from desplat_ns.separation.grid import _shares
 from desplat_ns.separation.residuals import RESIDUAL_MEDIANS
+from desplat_ns.step import Step
 from desplat_ns.training.step_guard import sum_of_squares
 
 WIDTH, HEIGHT, N = 60, 40, 50
@@ -82,15 +83,16 @@ def rendering(count: int = N) -> Rendering:
     return Rendering(cuda(HEIGHT, WIDTH, 3), cuda(HEIGHT, WIDTH, 1), None, cuda(1, count, 2), radii)
 
 
-def a_layer(background: BackgroundGrade = "off") -> DistractorLayer:
+def a_layer(background: BackgroundGrade = "off") -> Distractors:
     """What looks for regions, without what asks cameras where they stand. What other photos leave
     unexplained is found by a thread, which puts it on the GPU."""
-    layer = DistractorLayer.__new__(DistractorLayer)
+    layer = Distractors.__new__(Distractors)
+    nn.Module.__init__(layer)
     layer.background, layer.is_behind_by_chance = background, background == "off"
     layer.regions = {}
     sweep: Any = SimpleNamespace(photos={}, unexplained=lambda _, device: cuda(HEIGHT, WIDTH))
     layer.sweep, layer.thresholds = sweep, Thresholds()
-    layer.config, layer.num_views = CONFIG, 8
+    layer.config, layer.views = CONFIG, [distractors_with_moments()] * 8
     return layer
 
 
@@ -120,12 +122,16 @@ def test_looking_for_regions_and_what_follows_from_them_stays_on_the_gpu(number,
     mask = cuda(HEIGHT, WIDTH, 1) > 0.5 if masked else None
     for _ in range(2):
         step = a_step(number)
-        photo, static, alpha_d = step.photo, step.static_rgb, cuda(HEIGHT, WIDTH, 1)
-        photo, in_region = layer.look(step, photo, static, photo, mask, cuda(N, 1), state)
-        owned = distractor_weight(alpha_d, in_region)
-        losses = photometric_losses(photo, owned, 0.2, static, static, leak=0.03)
-        losses += (distractor_opacity_loss(alpha_d, in_region),)
-        losses += (static_transparency_loss(alpha_d, owned),)
+        step.mask, step.behind, alpha_d = mask, step.photo, cuda(HEIGHT, WIDTH, 1)
+        layer.look(step, cuda(N, 1), state)
+        photo, static, weight = (
+            step.photo,
+            step.static_rgb,
+            distractor_weight(alpha_d, step.in_region),
+        )
+        losses = photometric_losses(photo, weight, 0.2, static, static, leak=0.03)
+        losses += (distractor_opacity_loss(alpha_d, step.in_region),)
+        losses += (static_transparency_loss(alpha_d, weight),)
         assert step.residual_medians is not None
         assert_on_cuda(step.residual_medians, *losses)
         state[RESIDUAL_MEDIANS] = step.residual_medians

@@ -26,7 +26,7 @@ def test_thresholds_of_both_sets_are_read_at_the_clock():
     settings = DistractorConfig(per_view=20, static_warmup=100)
     model = make_model(sh_degree_interval=50, distractors=settings)
     model.schedule = clock = At(0.5)
-    assert model.layer is not None
+    assert model.distractors is not None
     optimizers = Optimizers({}, {})
     for clock.now in (49.7, 50.1):
         model.step_cb(optimizers, 7)

@@ -12,7 +12,7 @@ from torch.utils._python_dispatch import TorchDispatchMode
 from torch.utils._pytree import tree_leaves
 
 from desplat_ns.core.effects import Effects
-from desplat_ns.distractors.layer import LOOK_EVERY
+from desplat_ns.distractors.distractors import LOOK_EVERY
 from lab.bench.model_step import LATE, ModelStep
 from lab.bench.scenes import make_scene
 

@@ -102,13 +102,13 @@ def test_a_region_is_left_out_of_the_static_loss_whatever_covers_it():
 def test_what_distractors_own_leaks_into_l1_as_long_as_the_static_set_grows(step, share):
     model = a_dense_model(start="everywhere", static_warmup=0)
     Trainer(model).step(0)
-    assert model.layer is not None
+    assert model.distractors is not None
     model.step = step
     outputs = model(camera(0))
     static, photo = outputs["rgb_static"], 1 - outputs["rgb_static"].detach()
     loss = {}
     for leak in (0.0, 0.25):
-        model.layer.config.leak = leak
+        model.distractors.config.leak = leak
         losses = model.get_loss_dict(outputs, {"image": photo})
         loss[leak] = losses["static_photometric"].item()
     owned = distractor_weight(outputs["alpha_distractor"])

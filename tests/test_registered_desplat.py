@@ -129,8 +129,7 @@ def test_a_run_resumed_on_two_threads_equals_one_in_one_go_on_one_to_the_last_bi
     state = last_checkpoint(straight.config)
     assert_same(state, last_checkpoint(resumed))
     memory = state["pipeline"]["_model._extra_state"]  # what is compared is all there
-    assert (
-        memory["static_strategy"]["usual_residual"].any() and memory["regions"] and memory["photos"]
-    )
-    of_views = state["pipeline"]["_model.distractors._extra_state"]
-    assert all(view["refinement"] > 0 and view["moments"] for view in of_views[JUDGED])
+    assert memory["static_strategy"]["usual_residual"].any()
+    memory = state["pipeline"]["_model.distractors._extra_state"]
+    assert memory["regions"] and memory["photos"]
+    assert all(view["refinement"] > 0 and view["moments"] for view in memory["views"][JUDGED])

@@ -1,22 +1,19 @@
-"""The distractor Gaussians: a set of its own for each training view, seen in that view alone."""
+"""The distractor Gaussians of one training view, seen in that view alone."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import torch
 from jaxtyping import Float, Int
-from nerfstudio.cameras.cameras import Cameras
 from torch import Tensor, nn
 from torch.optim import Optimizer
 
 from desplat_ns.backend.protocol import View
-from desplat_ns.cameras.views import views_of
 from desplat_ns.core.devices import state_to_device
 from desplat_ns.core.optimizers import adam
-from desplat_ns.core.options import check_ranges
 from desplat_ns.distractors.config import DEPTH, DistractorConfig
 
 PARAMETER_NAMES = ("means", "scales", "quats", "rgbs", "opacities")
@@ -112,42 +109,6 @@ class ViewDistractors:
             for name, moments in saved["moments"].items()
         }
         self.state, self.refinement = state_to_device(saved["state"], device), saved["refinement"]
-
-
-class DistractorGaussians(nn.Module):
-    """The distractors of every training view, in `views`.
-
-    Kept outside Splatfacto's `gauss_params`, so that what exports those never sees distractors. The
-    parameters are none of the module's own: nerfstudio 1.1.5 walks over all modules and all
-    parameters of its optimizers in every step, and a step draws one view of what may be thousands.
-    """
-
-    def __init__(self, config: DistractorConfig, cameras: Cameras):
-        """Start every view's distractors in front of its camera; the training cameras have the
-        shape [V]. Raises ConfigError where a setting lies outside its range."""
-        super().__init__()
-        check_ranges(config, "--pipeline.model.distractors")
-        self.views = [ViewDistractors(fill_view(view, config)) for view in views_of(cameras)]
-
-    def counts(self) -> list[int]:
-        """Number of Gaussians of every training view, counted anew."""
-        return [len(view) for view in self.views]
-
-    def _apply(self, fn: Callable[[Tensor], Tensor], *args: Any, **options: Any) -> Any:
-        """torch's hook of `to`: parameters move in place."""
-        for view in self.views:
-            for parameter in view.params.values():
-                parameter.data = fn(parameter.data)
-        return super()._apply(fn, *args, **options)
-
-    def get_extra_state(self) -> list[dict[str, Any]]:
-        """Parameters, moments and statistics, for a checkpoint."""
-        return [view.saved() for view in self.views]
-
-    def set_extra_state(self, state: list[dict[str, Any]]) -> None:
-        """Take up what `get_extra_state` gave."""
-        for view, saved in zip(self.views, state, strict=True):
-            view.load(saved, view.params["means"].device)
 
 
 def fill_view(view: View, config: DistractorConfig) -> dict[str, Tensor]:

@@ -23,7 +23,7 @@ from desplat_ns.core.console import progress_over
 from desplat_ns.core.errors import CaptureError, ConfigError, DeSplatError
 from desplat_ns.core.options import check_ranges
 from desplat_ns.data.gt_masks import read_gt_mask
-from desplat_ns.distractors.sets import DistractorGaussians
+from desplat_ns.distractors.distractors import Distractors
 from desplat_ns.evaluation.config import EvaluationConfig
 from desplat_ns.evaluation.halves import embedding_from_left_half, right_half
 from desplat_ns.metrics import mask_iou, mean_alpha_outside
@@ -210,7 +210,7 @@ def summarize(images: Sequence[dict[str, Any]], with_std: bool) -> dict[str, int
 
 
 def gaussian_counts(
-    static: nn.ParameterDict, distractors: DistractorGaussians | None
+    static: nn.ParameterDict, distractors: Distractors | None
 ) -> dict[str, int | float]:
     """How many static and distractor Gaussians there are, and the MB (10^6 bytes) they take."""
     views = [] if distractors is None else distractors.views

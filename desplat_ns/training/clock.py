@@ -65,7 +65,7 @@ class Clock:
         )
         count = now + ahead * (now - start + SHARE * added) / (done - begun + SHARE)
         drawn /= config.downscale_factor(at, drawn) ** 2
-        if model.layer is not None and at >= warmup:
+        if model.distractors is not None and at >= warmup:
             a_round_ago = schedule.nominal(RunStep(step - model.num_train_data))
             drawn += LAYER * drawn + LOOK * (a_round_ago < warmup)
         drawn += GAUSSIAN * (min(model.strategy.most, count) - start)

@@ -57,8 +57,8 @@ def stages(model: Any, camera: Any, photo: Float[Tensor, "H W 3"]) -> list[Shown
     height, width = photo.shape[:2]
     fine = fine_grid_of(width, height)
     residual = local_residual(pooled(static.rgb, fine), pooled(photo, fine), grid_of(width, height))
-    unexplained = model.layer.sweep.unexplained(index)
-    regions = decide(comparison, lambda: unexplained, model.layer.thresholds)
+    unexplained = model.distractors.sweep.unexplained(index)
+    regions = decide(comparison, lambda: unexplained, model.distractors.thresholds)
     left = torch.zeros_like(residual) if unexplained is None else unexplained.nan_to_num()
     shown = {key: value.cpu().numpy() for key, value in outputs.items()}
     return [

@@ -7,18 +7,18 @@ import torch
 from nerfstudio.models.splatfacto import SplatfactoModelConfig
 
 from desplat_ns.backend.protocol import View
-from desplat_ns.distractors import layer
+from desplat_ns.distractors import distractors as module
 from desplat_ns.distractors.config import DistractorConfig
-from desplat_ns.distractors.layer import DistractorLayer, Step
+from desplat_ns.distractors.distractors import Distractors
 from desplat_ns.distractors.placement import (
     distractor_weight,
     distractors_in,
     lie_in,
     uncovered_cells,
 )
-from desplat_ns.distractors.sets import DistractorGaussians
 from desplat_ns.separation.grid import grid_of, region_pixels
 from desplat_ns.separation.residuals import RESIDUAL_MEDIANS
+from desplat_ns.step import Step
 from tests.helpers.well_known_scene import (
     HEIGHT,
     WIDTH,
@@ -83,7 +83,7 @@ def test_none_is_placed_in_a_cell_that_is_covered_or_of_which_less_than_half_is_
 
 def test_those_in_the_region_stay():
     everywhere = dataclasses.replace(CONFIG, start="everywhere")
-    distractors = DistractorGaussians(everywhere, cameras())
+    distractors = Distractors(everywhere, SplatfactoModelConfig(), cameras())
     means = distractors.views[0].params["means"].detach()
     keep = lie_in(block(), means, the_view())
     x, y = pixels(means, the_view()).unbind(-1)
@@ -98,10 +98,9 @@ def test_too_few_photos_to_judge_by_are_told(views, capsys):
     assert (f"{views} training photos" in text) == (views < 5)
 
 
-def a_layer(config: DistractorConfig = WARMED_UP, num_views: int = 40) -> DistractorLayer:
+def a_layer(config: DistractorConfig = WARMED_UP, num_views: int = 40) -> Distractors:
     cams = cameras()[torch.zeros(num_views, dtype=torch.long)]
-    gaussians = DistractorGaussians(config, cams)
-    return DistractorLayer(gaussians, config, SplatfactoModelConfig(), cams, None)
+    return Distractors(config, SplatfactoModelConfig(), cams)
 
 
 class Trained:
@@ -113,15 +112,14 @@ class Trained:
     def step(self, number: int, photo: torch.Tensor) -> Step:
         scene, step = self.scene, self.scene.train_step(number, photo)
         none = alpha(0.0)
-        photo, static = step.photo, step.static_rgb
-        self.layer.look(step, photo, static, None, None, scene.opacities, scene.state)
+        self.layer.look(step, scene.opacities, scene.state)
         self.layer.remember(step, scene.state)
         self.layer.commit(step, lambda _: none.flatten())
         return step
 
     @property
     def count(self) -> int:
-        return len(self.layer.gaussians.views[0])
+        return len(self.layer.views[0])
 
 
 def test_with_two_photos_nothing_is_placed_and_in_the_warm_up_views_are_only_remembered():
@@ -135,7 +133,7 @@ def test_with_two_photos_nothing_is_placed_and_in_the_warm_up_views_are_only_rem
 
 
 def test_once_placing_has_stopped_none_comes_and_none_goes(monkeypatch):
-    monkeypatch.setattr(layer, "STOP_PLACING_AT", 20)
+    monkeypatch.setattr(module, "STOP_PLACING_AT", 20)
     trained = Trained()
     scene = trained.scene
     for number in range(5):

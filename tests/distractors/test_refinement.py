@@ -11,8 +11,8 @@ from nerfstudio.models.splatfacto import SplatfactoModelConfig
 from desplat_ns.backend.protocol import Rendering, View
 from desplat_ns.core.schedule import NominalStep
 from desplat_ns.distractors.config import DEPTH, DistractorConfig
+from desplat_ns.distractors.distractors import Distractors
 from desplat_ns.distractors.refinement import GROW_GRAD, DistractorDensifier, strategy_info
-from desplat_ns.distractors.sets import DistractorGaussians
 
 VIEW = View(torch.eye(4), torch.eye(3), width=200, height=100)
 STATIC = SplatfactoModelConfig(warmup_length=10, densify_grad_thresh=0.5)
@@ -32,7 +32,7 @@ class Scene:
         poses, self.view = torch.eye(4)[:3].repeat(2, 1, 1), view
         width, height = view.width, view.height
         cameras = Cameras(poses, 1.0 * width, 1.0 * width, width / 2, height / 2, width, height)
-        self.distractors = DistractorGaussians(covering, cameras)
+        self.distractors = Distractors(covering, STATIC, cameras)
         self.densifier = DistractorDensifier(replace(covering, start=start), STATIC, every)
         self.steep = GROW_GRAD if start == "residual" else STATIC.densify_grad_thresh
         """Gradient above which one is cloned or split."""

@@ -3,13 +3,16 @@
 import pytest
 import torch
 from nerfstudio.cameras.cameras import Cameras
+from nerfstudio.models.splatfacto import SplatfactoModelConfig
 
 from desplat_ns.backend.constants import NEAR_PLANE
 from desplat_ns.cameras.views import view_of
 from desplat_ns.distractors.config import DistractorConfig, rates_at
-from desplat_ns.distractors.sets import DistractorGaussians
+from desplat_ns.distractors.distractors import Distractors
 from desplat_ns.gaussians.activation import keep_colors_in_range
 from tests.helpers.stub_run import assert_same
+
+STATIC = SplatfactoModelConfig()
 
 
 def cameras(scale: float = 1.0, fx: float = 70.0, width: int = 90, height: int = 160) -> Cameras:
@@ -20,7 +23,7 @@ def cameras(scale: float = 1.0, fx: float = 70.0, width: int = 90, height: int =
     return Cameras(torch.cat([rotation, positions], dim=2), fx, 1.3 * fx, 40.0, 90.0, width, height)
 
 
-def pixels_of(cams: Cameras, distractors: DistractorGaussians, view: int):
+def pixels_of(cams: Cameras, distractors: Distractors, view: int):
     v = view_of(cams[view : view + 1])
     in_camera = distractors.views[view].params["means"] @ v.viewmat[:3, :3].T + v.viewmat[:3, 3]
     projected = in_camera @ v.K.T
@@ -30,7 +33,7 @@ def pixels_of(cams: Cameras, distractors: DistractorGaussians, view: int):
 @pytest.mark.parametrize("cams", [cameras(scale=100.0), cameras(fx=900.0)])
 def test_they_fill_their_own_view_beyond_the_near_plane(cams):
     config = DistractorConfig(per_view=500)
-    distractors = DistractorGaussians(config, cams)
+    distractors = Distractors(config, STATIC, cams)
     for view in range(2):
         pixels, depths = pixels_of(cams, distractors, view)
         assert (depths > NEAR_PLANE).all()
@@ -44,7 +47,7 @@ def test_they_fill_their_own_view_beyond_the_near_plane(cams):
 
 def test_their_size_is_half_their_spacing_on_the_image():
     square = cameras(width=120, height=120)
-    distractors = DistractorGaussians(DistractorConfig(per_view=144), square)
+    distractors = Distractors(DistractorConfig(per_view=144), STATIC, square)
     # 144 in 120 x 120 pixels: 10 pixels apart, sigma 5 pixels at focal length sqrt(70 * 91).
     sigma = distractors.views[0].params["scales"].exp() / 0.02 * (70 * 91) ** 0.5
     assert torch.allclose(sigma, torch.full_like(sigma, 5.0), rtol=1e-5)
@@ -53,7 +56,7 @@ def test_their_size_is_half_their_spacing_on_the_image():
 def test_nerfstudio_walks_over_no_view_and_moves_them_in_place():
     """Over modules, whose training mode it sets, and parameters of its optimizers, in every
     step."""
-    distractors = DistractorGaussians(DistractorConfig(per_view=2), cameras())
+    distractors = Distractors(DistractorConfig(per_view=2), STATIC, cameras())
     assert list(distractors.modules()) == [distractors]
     assert list(distractors.parameters()) == []
     held = distractors.views[1].params["means"]
@@ -63,7 +66,7 @@ def test_nerfstudio_walks_over_no_view_and_moves_them_in_place():
 
 
 def test_a_step_begins_without_gradients_and_with_the_rates_of_the_step():
-    view = DistractorGaussians(DistractorConfig(per_view=2), cameras()).views[0]
+    view = Distractors(DistractorConfig(per_view=2), STATIC, cameras()).views[0]
     for step, rate in ((0, 1.6e-4), (15_000, 1.6e-5), (30_000, 1.6e-6), (90_000, 1.6e-6)):
         view.params["means"].sum().backward()
         view.begin_step(rates_at(step))
@@ -73,7 +76,7 @@ def test_a_step_begins_without_gradients_and_with_the_rates_of_the_step():
 
 
 def test_colours_that_left_the_range_come_back_to_its_border():
-    distractors = DistractorGaussians(DistractorConfig(per_view=2), cameras())
+    distractors = Distractors(DistractorConfig(per_view=2), STATIC, cameras())
     rgbs = distractors.views[1].params["rgbs"]
     with torch.no_grad():
         rgbs.copy_(torch.tensor([[-0.5, 0.5, 1.5], [0.0, 1.0, 2.0]]))
@@ -81,7 +84,7 @@ def test_colours_that_left_the_range_come_back_to_its_border():
     assert torch.equal(rgbs, torch.tensor([[0.0, 0.5, 1.0], [0.0, 1.0, 1.0]]))
 
 
-def stepped(distractors: DistractorGaussians, view: int) -> None:
+def stepped(distractors: Distractors, view: int) -> None:
     """One step of Adam on a view, by gradients of 1."""
     gaussians = distractors.views[view]
     gaussians.begin_step(rates_at(0))
@@ -91,12 +94,12 @@ def stepped(distractors: DistractorGaussians, view: int) -> None:
 
 
 def test_a_checkpoint_brings_moments_back_also_through_a_second_one():
-    source = DistractorGaussians(DistractorConfig(per_view=4), cameras())
+    source = Distractors(DistractorConfig(per_view=4), STATIC, cameras())
     stepped(source, 0)
     source.views[0].refinement = 3
     target = source
     for _ in range(2):
-        saved, target = target.state_dict(), DistractorGaussians(DistractorConfig(), cameras())
+        saved, target = target.state_dict(), Distractors(DistractorConfig(), STATIC, cameras())
         target.load_state_dict(saved)
     assert target.views[0].refinement == 3
     for either in (source, target):

@@ -11,9 +11,10 @@ from nerfstudio.cameras.cameras import Cameras
 from desplat_ns.backend.protocol import Rendering, View
 from desplat_ns.cameras.views import view_of
 from desplat_ns.core.schedule import NominalStep, RunStep
-from desplat_ns.distractors.layer import Step, apply_mask
+from desplat_ns.distractors.distractors import apply_mask
 from desplat_ns.separation.decide import StaticView, Thresholds, compare, decide
 from desplat_ns.separation.residuals import RESIDUAL_MEDIANS, medians_in
+from desplat_ns.step import Step
 
 WIDTH, HEIGHT = 60, 40
 

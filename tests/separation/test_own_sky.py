@@ -10,8 +10,7 @@ from nerfstudio.models.splatfacto import SplatfactoModelConfig
 
 from desplat_ns.core.effects import BackgroundGrade
 from desplat_ns.distractors.config import DistractorConfig
-from desplat_ns.distractors.layer import DistractorLayer
-from desplat_ns.distractors.sets import DistractorGaussians
+from desplat_ns.distractors.distractors import Distractors
 from desplat_ns.separation.residuals import RESIDUAL_MEDIANS
 from tests.helpers.well_known_scene import HEIGHT, WIDTH, WellKnownScene, cameras
 
@@ -47,15 +46,14 @@ class SceneBelowASky(WellKnownScene):
     def regions(self, photo: torch.Tensor, background: BackgroundGrade) -> torch.Tensor:
         """Of a photo, once ten like the scene were seen."""
         cams = cameras()[torch.zeros(40, dtype=torch.long)]
-        gaussians = DistractorGaussians(CONFIG, cams)
-        layer = DistractorLayer(gaussians, CONFIG, SplatfactoModelConfig(), cams, None, background)
+        at_hand = Distractors(CONFIG, SplatfactoModelConfig(), cams, background=background)
         for _ in range(10):
             step = self.train_step(0, self.photo)
-            layer.update_regions(step, None, self.opacities, self.state, None)
+            at_hand.look(step, self.opacities, self.state)
             assert step.residual_medians is not None
             self.state[RESIDUAL_MEDIANS] = step.residual_medians
         step = self.train_step(100, photo)
-        layer.update_regions(step, None, self.opacities, self.state, None)
+        at_hand.look(step, self.opacities, self.state)
         assert step.regions is not None
         return step.regions
 

@@ -60,8 +60,8 @@ def a_model() -> DeSplatModel:
     steps: dict[str, Any] = {"warmup_length": 2, "refine_every": 3, "densify_grad_thresh": 1e-9}
     points = torch.rand(40, 3, generator=torch.Generator().manual_seed(2)) - 0.5
     model = make_model(points, distractors=distractors, **steps)
-    assert model.layer is not None
-    model.layer.densifier.every = 3
+    assert model.distractors is not None
+    model.distractors.densifier.every = 3
     return model
 
 

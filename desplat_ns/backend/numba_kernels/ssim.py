@@ -9,8 +9,8 @@ my = G y, vx = G x^2 - mx^2, vy = G y^2 - my^2, c = G xy - mx my,
 
     d sum SSIM / dx = G'P + 2 x G'Q + y G'R,
 
-where G' is G over a border of zeros. In L1 a pixel counts by 1 - kept * owned; for SSIM y is
-blended with x where it is owned, as a constant.
+where G' is G over a border of zeros. In L1 a pixel counts by 1 - kept * weight, the
+distractors' one; for SSIM y is blended with x by it, as a constant.
 
 A worker goes down a strip of COLUMNS numbers, ROWS rows at a time: it sums SSIM over their windows,
 whose P, Q, R stay in the processor's caches, and blurs these, with those of the windows above, to
@@ -156,19 +156,19 @@ def _copy_in(source, length, row, column, rows, columns, s):
 
 
 @part()
-def _spread(owned, length, row, column, columns, o):
-    """A part of a row of `owned`, which has one number for each pixel, for all three channels."""
+def _spread(weight, length, row, column, columns, o):
+    """A part of a row of `weight`, which has one number for each pixel, for all three channels."""
     first = np.uint64((row * length + column) // CHANNELS)
     for p in range(np.uint64(columns // CHANNELS)):
         for k in range(CHANNELS):
-            o[CHANNELS * p + np.uint64(k)] = owned[first + p]
+            o[CHANNELS * p + np.uint64(k)] = weight[first + p]
 
 
 @part()
-def _blend_in(y, owned, length, row, column, rows, columns, s, o):
-    """As `_copy_in`, of y behind x, which is in the scratch rows; x where it is owned."""
+def _blend_in(y, weight, length, row, column, rows, columns, s, o):
+    """As `_copy_in`, of y behind x, which is in the scratch rows, blended with x by the weight."""
     for r in range(rows):
-        _spread(owned, length, row + r, column, columns, o)
+        _spread(weight, length, row + r, column, columns, o)
         first, to = np.uint64((row + r) * length + column), np.uint64(r * STRIDE)
         for j in range(np.uint64(columns)):
             s[NEXT + to + j] = o[j] * s[to + j] + (_ONE - o[j]) * y[first + j]
@@ -206,13 +206,13 @@ def _score(images, length, windows, block, first, scratch):
 
     In the scratch rows of P, Q, R the block's first row has number MARGIN, its first number SIDE.
     """
-    (x, y, owned), (row, rows, column, columns), (s, v, slopes, o) = images, block, scratch
+    (x, y, weight), (row, rows, column, columns), (s, v, slopes, o) = images, block, scratch
     left, end = min(column, SIDE), min(row + rows, windows)
     count, total = min(column + columns, length - SIDE) - column + left, 0.0
     if end > first and count > 0:
         part = length, first, column - left, end - first + MARGIN, count + SIDE
         _copy_in(x, *part, s)
-        _blend_in(y, owned, *part, s, o)
+        _blend_in(y, weight, *part, s, o)
     for r in range(first, row + rows):
         number = count if r < end and count > 0 else 0
         if number > 0:
@@ -256,12 +256,12 @@ def _mix(v, x, y, o, kept, gradient, at, columns, scale, scale_l1):
 @part()
 def _differentiate(images, length, block, rates, scratch, gradient):
     """The gradient of a block, and its L1."""
-    (x, y, owned), (row, rows, column, columns), (_, v, slopes, o) = images, block, scratch
+    (x, y, weight), (row, rows, column, columns), (_, v, slopes, o) = images, block, scratch
     kept, scale, scale_l1 = rates
     total = 0.0
     for r in range(rows):
         blur_slopes(slopes, v, r, columns + SIDE)
-        _spread(owned, length, row + r, column, columns, o)
+        _spread(weight, length, row + r, column, columns, o)
         at = (row + r) * length + column
         total += _mix(v, x, y, o, kept, gradient, at, columns, scale, scale_l1)
     return total
@@ -296,11 +296,11 @@ def score_image(images, shape, wanted, rates, sums, gradient, counter, workers):
     """Sums of SSIM and of L1 of x and y over blocks, and the gradient by x.
 
     Args:
-        images: x and y; and what is owned.
+        images: x and y; and the weight of the distractors.
         shape: rows of an image, and numbers in one.
         wanted: whether a block is, [down, across]. Of others, those whose windows reach one that is
             have their SSIM summed, and all have no gradient.
-        rates: what L1 loses where a pixel is owned; the result's gradient by the sum of SSIM, and
+        rates: what L1 loses at weight 1; the result's gradient by the sum of SSIM, and
             by that of L1.
         sums: of SSIM over a block's windows and of L1 over its pixels, [down, across].
         gradient: like x.
@@ -317,26 +317,26 @@ def score_image(images, shape, wanted, rates, sums, gradient, counter, workers):
 
 
 class Photometric(torch.autograd.Function):
-    """(photo, what is owned or None, leak, weight of SSIM, one image or two) -> the loss of each;
-    see `backend/ssim.py`. The gradient is worked out with the value: they share most of the work.
+    """(photo, distractor weight or None, leak, weight of SSIM, one image or two) -> the loss of
+    each; see `backend/ssim.py`. The gradient is worked out with the value, as most of the work is.
     """
 
     @staticmethod
-    def forward(ctx, photo, owned, leak, ssim_weight, *images):  # type: ignore[override]
+    def forward(ctx, photo, weight, leak, ssim_weight, *images):  # type: ignore[override]
         height, length = photo.shape[0], photo.shape[1] * CHANNELS
         per_window = ssim_weight / ((height - MARGIN) * (length - SIDE))
         per_number = (1 - ssim_weight) / (height * length)
         rates = np.float32(1 - leak), np.float32(-per_window), np.float32(per_number)
         similarity, difference = np.empty((2, -(-height // ROWS), -(-length // COLUMNS)))
-        owned = photo.new_zeros(height, photo.shape[1], 1) if owned is None else owned
+        weight = photo.new_zeros(height, photo.shape[1], 1) if weight is None else weight
         wanted = np.ones(similarity.shape, bool)
         losses, gradients = [], []
         for place, image in enumerate(images):
             if place == 1:
-                wanted, owned = _blocks_of(owned, similarity.shape[1]), torch.zeros_like(owned)
+                wanted, weight = _blocks_of(weight, similarity.shape[1]), torch.zeros_like(weight)
             gradient = empty(*photo.shape)
             launch(
-                *(score_image, (flat(image), flat(photo), flat(owned)), (height, length), wanted),
+                *(score_image, (flat(image), flat(photo), flat(weight)), (height, length), wanted),
                 *(rates, (similarity, difference), flat(gradient)),
             )
             value = ssim_weight - per_window * similarity.sum() + per_number * difference.sum()
@@ -353,9 +353,9 @@ class Photometric(torch.autograd.Function):
         return None, None, None, None, *scaled
 
 
-def _blocks_of(owned: Tensor, across: int) -> np.ndarray:
-    """Blocks [down, across] in which anything is owned, of pixels [H, W, 1]."""
-    pixels = owned[..., 0].numpy()
+def _blocks_of(weight: Tensor, across: int) -> np.ndarray:
+    """Blocks [down, across] in which any of the weights [H, W, 1] is above 0."""
+    pixels = weight[..., 0].numpy()
     rows = [pixels[row : row + ROWS].max(axis=0) for row in range(0, len(pixels), ROWS)]
     columns = np.arange(across) * (COLUMNS // CHANNELS)
     return np.maximum.reduceat(np.stack(rows), columns, axis=1) > 0

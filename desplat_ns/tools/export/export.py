@@ -109,7 +109,7 @@ def export_masks(
     """
     pipeline = load_run(files).pipeline
     model = pipeline.model
-    if model.layer is None:
+    if model.distractors is None:
         raise ConfigError(
             f"The run of {files.config} has no distractors, so there is nothing to mask: "
             "--pipeline.model.effects.distractors was False. Train without it."

@@ -107,7 +107,7 @@ def gather(run: LoadedRun, most_training: int, most_held_out: int) -> Contents:
     photos = list(training_photos(pipeline, even_subset(num_photos, most_training)))
     results, held_out = held_out_photos(pipeline, most_held_out)
     survey, in_the_way = read_survey(run.files.folder / SURVEY), model.photos_with_distractors()
-    distractors = None if model.layer is None else model.layer.config
+    distractors = None if model.distractors is None else model.distractors.config
     disputed = disputed_places(model.means, [p.unlike for p in photos if p.unlike is not None])
     planned = None if config.budget else config.max_num_iterations
     return Contents(

@@ -18,7 +18,7 @@ from torch import Tensor
 from desplat_ns.cameras.views import view_of
 from desplat_ns.core.console import progress_over
 from desplat_ns.core.pages import LARGEST_SIDE, Picture, over_checkerboard, shrunk, to_rgb8
-from desplat_ns.distractors.layer import apply_mask
+from desplat_ns.distractors.distractors import apply_mask
 from desplat_ns.tools.report.views import Unlike, unlike_in
 from desplat_ns.tools.scene.gather import Rgb, training_images
 from desplat_ns.training.pipeline import DeSplatPipeline
@@ -62,11 +62,11 @@ def training_photos(pipeline: DeSplatPipeline, chosen: Sequence[int]) -> Iterato
             name, covered, unlike = manager.train_image_names[index], None, None
             static = outputs.get("rgb_static", outputs["rgb"])
             pictures = {"photo": picture_of(photo, CARD), "rendering": picture_of(static, CARD)}
-            if model.layer is not None:
+            if model.distractors is not None:
                 alpha_d, seen = outputs["alpha_distractor"], photo
                 if "mask" in batch:
                     seen, _ = apply_mask(photo, static, batch["mask"].to(photo.device))
-                by = model.layer.thresholds
+                by = model.distractors.thresholds
                 unlike = unlike_in(name, view_of(camera), alpha_d, seen, static, by)
                 mask = outputs["distractor_mask"].float()
                 covered = float(mask.mean())

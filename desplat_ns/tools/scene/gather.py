@@ -228,9 +228,9 @@ def _page_camera(
 
 def _distractors(model: DeSplatModel, index: int) -> SplatCloud | None:
     """What was taken out of a training photo."""
-    if model.layer is None or len(model.layer.gaussians.views[index]) == 0:
+    if model.distractors is None or len(model.distractors.views[index]) == 0:
         return None
-    splats = activate_distractors(model.layer.gaussians.views[index].params)
+    splats = activate_distractors(model.distractors.views[index].params)
     try:
         return baked(splats, model.render_settings(depth=False).antialiased)
     except ConfigError:  # all are too faint to be seen

@@ -5,7 +5,7 @@ from dataclasses import replace
 import torch
 
 from desplat_ns.backend.protocol import View
-from desplat_ns.distractors.layer import apply_mask
+from desplat_ns.distractors.distractors import apply_mask
 from desplat_ns.separation.decide import Thresholds
 from desplat_ns.tools.report.views import Unlike, disputed_places, unlike_in
 

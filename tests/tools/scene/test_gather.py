@@ -37,7 +37,7 @@ def test_every_photo_has_its_camera_and_what_was_taken_out_of_it(run: LoadedRun)
     assert len(contents.cameras) - len(training) == len(manager.eval_dataset)
     assert contents.not_shown == "" and contents.light == ""
     for index, camera in enumerate(training):
-        assert (camera.distractors is not None) == (len(model.layer.gaussians.views[index]) > 0)
+        assert (camera.distractors is not None) == (len(model.distractors.views[index]) > 0)
         assert camera.photo.shape == (camera.view.height, camera.view.width, 3)
         assert camera.reach > camera.near > 0
     assert all(camera.distractors is None for camera in contents.cameras if camera.held_out)

@@ -16,14 +16,14 @@ from nerfstudio.data.datamanagers.full_images_datamanager import (
 
 from desplat_ns.backend.protocol import Rendering, View
 from desplat_ns.core.schedule import NominalStep, RunStep, Schedule
-from desplat_ns.distractors import layer
+from desplat_ns.distractors import distractors as module
 from desplat_ns.distractors.config import DistractorConfig
-from desplat_ns.distractors.layer import DistractorLayer, Step, apply_mask
-from desplat_ns.distractors.sets import DistractorGaussians
+from desplat_ns.distractors.distractors import Distractors, apply_mask
 from desplat_ns.model import DeSplatModel
 from desplat_ns.model_config import DeSplatModelConfig
 from desplat_ns.separation import decide
 from desplat_ns.separation.decide import Comparison, StaticView
+from desplat_ns.step import Step
 from tests.helpers.small_model import NUM_VIEWS, Trainer, make_model
 from tests.helpers.well_known_scene import WellKnownScene, cameras, nothing_drawn, the_view
 
@@ -43,7 +43,7 @@ def looks(
         looked_at.append(model.step)
         return torch.full(comparison.excess.values.shape, model.step == found_at)
 
-    monkeypatch.setattr(layer, "decide", find)
+    monkeypatch.setattr(module, "decide", find)
     for step in steps:
         trainer.step(step, step % NUM_VIEWS)
     return looked_at
@@ -64,13 +64,12 @@ def test_after_the_warm_up_a_photo_is_looked_at_at_once_and_then_in_every_third_
         distractors=DistractorConfig(start="residual", static_warmup=None),
     ).for_run(40)
     cams = cameras()[torch.zeros(40, dtype=torch.long)]
-    gaussians = DistractorGaussians(run.distractors, cams)
     manager: Any = SimpleNamespace(train_dataset=range(40), config=FullImageDatamanagerConfig())
     at_hand, unseen, visits = None, [], {index: [] for index in range(40)}
     for step in map(RunStep, range(steps)):
         if at_hand is None or step == steps // 2:
             kept = {} if at_hand is None else at_hand.regions
-            at_hand = DistractorLayer(gaussians, run.distractors, run, cams, None)
+            at_hand = Distractors(run.distractors, run, cams)
             at_hand.regions = kept
         unseen = unseen or FullImageDatamanager.sample_train_cameras(manager)
         index, nominal = unseen.pop(0), schedule.nominal(step)
@@ -90,17 +89,18 @@ def test_regions_stay_until_the_next_look_and_in_a_checkpoint(monkeypatch):
     looks(monkeypatch, model, range(9), found_at=4)
     fresh = a_model()
     fresh.load_state_dict(model.state_dict())
-    assert model.layer is not None and fresh.layer is not None
-    assert list(fresh.layer.sweep.state()) == list(model.layer.sweep.state()) == [0, 1, 2]
-    for layer_at_hand in (model.layer, fresh.layer):
-        found = {index: each.all() for index, each in layer_at_hand.regions.items()}
+    assert model.distractors is not None and fresh.distractors is not None
+    kept = [list(at_hand.sweep.state()) for at_hand in (fresh.distractors, model.distractors)]
+    assert kept == [[0, 1, 2]] * 2
+    for at_hand in (model.distractors, fresh.distractors):
+        found = {index: each.all() for index, each in at_hand.regions.items()}
         assert found == {2: False, 0: False, 1: True}
 
 
 def test_what_the_sweep_keeps_does_not_depend_on_the_static_scene():
     """Not in masked pixels either, and of the first visit alone."""
     model = a_model()
-    assert model.layer is not None
+    assert model.distractors is not None
     view = View(torch.eye(4), torch.eye(3), 24, 20)
     photo, mask = torch.rand(20, 24, 3), torch.ones(20, 24, 1, dtype=torch.bool)
     mask[5:9] = False
@@ -109,14 +109,16 @@ def test_what_the_sweep_keeps_does_not_depend_on_the_static_scene():
         static = torch.full((20, 24, 3), value)
         radii = torch.ones(30, dtype=torch.int32)
         drawn = Rendering(static, static[..., :1], None, torch.rand(1, 30, 2), radii)
-        step = layer.Step(NominalStep(0), RunStep(0), 1, view, drawn)
-        model.layer.look(step, photo, static, None, mask, torch.zeros(30, 1), {})
+        step = Step(NominalStep(0), RunStep(0), 1, view, drawn)
+        step.photo, step.static_rgb, step.mask = photo, static, mask
+        model.distractors.look(step, torch.zeros(30, 1), {})
         kept.append(step.sweep_photo)
     assert torch.equal(*kept)
     assert (kept[0][5:9, :, 3] == 0).all()
-    model.layer.sweep.keep(1, kept[0])
-    step = layer.Step(NominalStep(1), RunStep(1), 1, view, drawn)
-    model.layer.look(step, photo, static, None, mask, torch.zeros(30, 1), {})
+    model.distractors.sweep.keep(1, kept[0])
+    step = Step(NominalStep(1), RunStep(1), 1, view, drawn)
+    step.photo, step.static_rgb, step.mask = photo, static, mask
+    model.distractors.look(step, torch.zeros(30, 1), {})
     assert step.sweep_photo is None
 
 
@@ -126,20 +128,19 @@ def test_what_gaussians_count_for_has_the_same_bits_on_any_number_of_threads(mon
     logits = 3 * torch.randn(65_537, 1, generator=torch.Generator().manual_seed(0))
     places, radii = 30 * torch.rand(1, len(logits), 2), torch.ones(len(logits)).int()
     config = DistractorConfig(start="residual", static_warmup=5)
-    gaussians = DistractorGaussians(config, cameras())
-    at_hand = DistractorLayer(gaussians, config, DeSplatModelConfig(), cameras(), None)
+    at_hand = Distractors(config, DeSplatModelConfig(), cameras()[torch.zeros(5).long()])
 
     def compare(photo: torch.Tensor, static: StaticView, *rest: Any) -> Any:
         seen.append(static.opacities)
         return decide.compare(photo, static, *rest)
 
-    monkeypatch.setattr(layer, "compare", compare)
+    monkeypatch.setattr(module, "compare", compare)
     try:
         for threads in (1, 2):
             torch.set_num_threads(threads)
             step = scene.train_step(0, scene.photo)
             step.static = replace(scene.drawn, means2d=places, radii=radii)
-            at_hand.update_regions(step, None, logits, {}, None)
+            at_hand.look(step, logits, {})
     finally:
         torch.set_num_threads(before)
     assert torch.equal(*seen)
@@ -152,15 +153,14 @@ def test_a_background_that_the_user_chose_is_scene_and_a_random_one_is_not(monke
         seen.append(static.behind)
         return decide.compare(photo, static, *rest)
 
-    monkeypatch.setattr(layer, "compare", compare)
+    monkeypatch.setattr(module, "compare", compare)
     config, cams = DistractorConfig(start="residual"), cameras()[torch.zeros(5, dtype=torch.long)]
     for color in ("random", "white"):
         static = DeSplatModelConfig(background_color=color)
-        at_hand = DistractorLayer(DistractorGaussians(config, cams), config, static, cams, None)
+        at_hand = Distractors(config, static, cams)
         step = scene.train_step(0, scene.photo)
-        at_hand.look(
-            step, step.photo, step.static_rgb, torch.ones(3), None, scene.opacities, scene.state
-        )
+        step.behind = torch.ones(3)
+        at_hand.look(step, scene.opacities, scene.state)
     assert seen[0] is not None and seen[1] is None
 
 

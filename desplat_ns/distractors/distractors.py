@@ -1,25 +1,29 @@
-"""What a training step does with the distractors: draw, weigh, and, if it was finite, commit."""
+"""The distractors of all training views, and what a training step does with them: draw, look, and,
+if it was finite, remember and commit."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import Any
 
 import torch
-from jaxtyping import Bool, Float, UInt8
+from jaxtyping import Bool, Float
 from nerfstudio.cameras.cameras import Cameras
 from nerfstudio.models.splatfacto import SplatfactoModelConfig
-from torch import Tensor
+from torch import Tensor, nn
 
-from desplat_ns.backend.protocol import Rendering, Splats, View
+from desplat_ns.backend.protocol import Rendering, Splats
+from desplat_ns.cameras.views import views_of
 from desplat_ns.core.console import announce_once
+from desplat_ns.core.devices import state_to_device
 from desplat_ns.core.effects import BackgroundGrade
-from desplat_ns.core.schedule import NominalStep, RunStep
+from desplat_ns.core.options import check_ranges
+from desplat_ns.core.schedule import NominalStep
 from desplat_ns.distractors.config import DistractorConfig, rates_at
 from desplat_ns.distractors.placement import FEW_VIEWS, LEAST_VIEWS, about_few_views, placement
 from desplat_ns.distractors.refinement import DistractorDensifier, strategy_info
-from desplat_ns.distractors.sets import DistractorGaussians, ViewDistractors
+from desplat_ns.distractors.sets import ViewDistractors, fill_view
 from desplat_ns.gaussians.activation import (
     RawParameters,
     activate_distractors,
@@ -36,46 +40,13 @@ from desplat_ns.separation.decide import (
 from desplat_ns.separation.grid import grid_of, pooled, region_pixels
 from desplat_ns.separation.residuals import RESIDUAL_MEDIANS, medians_in
 from desplat_ns.separation.sweep import PlaneSweep, photo_to_sweep
+from desplat_ns.step import Step
 
 STOP_PLACING_AT = 27_000
 """Nominal step from which none is placed or removed for its place any more."""
 
 LOOK_EVERY = 3
 """In one round of visits in this number the photos are compared with the static scene."""
-
-
-@dataclass(repr=False)
-class Step:
-    """One training view in one training step: drawn, compared, charged, and committed or not.
-
-    Whatever a step finds lies here until it is committed, and changes nothing before: a step that
-    is not finite is undone by throwing it away.
-    """
-
-    nominal: NominalStep
-    run: RunStep
-    index: int
-    """Number of the training view."""
-    view: View
-    static: Rendering
-    """The static scene."""
-    distractors: Rendering | None = None
-    """The view's own distractors; None if none were drawn."""
-
-    photo: Float[Tensor, "H W 3"] = field(init=False)
-    """What the view should look like, in [0, 1]; under the user's mask as the static scene."""
-    static_rgb: Float[Tensor, "H W 3"] = field(init=False)
-    """The static scene as an image, over the background."""
-
-    regions: Bool[Tensor, "rows columns"] | None = None
-    """Where distractors belong, on the grid of `grid_of`; None in the warm-up."""
-    residual_medians: Float[Tensor, " N"] | None = None
-    """What the static Gaussians are to remember (`medians_in`); None for nothing new."""
-    sweep_photo: UInt8[Tensor, "fine_rows fine_columns C"] | None = None
-    """What the plane sweep is to keep of the photo (`photo_to_sweep`); None for nothing new."""
-
-    losses: dict[str, Float[Tensor, ""]] = field(default_factory=dict)
-    """The terms of the loss, without gradients."""
 
 
 def apply_mask(
@@ -95,48 +66,59 @@ def apply_mask(
     return torch.where(mask, photo, static.detach()), counts
 
 
-class DistractorLayer:
-    """All that the distractors need besides themselves, which the model holds."""
+class Distractors(nn.Module):
+    """A set of distractors for each training view, in `views`, and what decides about them.
+
+    The parameters are none of the module's own: nerfstudio 1.1.5 walks over all modules and all
+    parameters of its optimizers in every step, and a step draws one view of what may be thousands.
+    They are outside of Splatfacto's `gauss_params` too: what exports those never sees distractors.
+    """
 
     def __init__(
         self,
-        gaussians: DistractorGaussians,
         config: DistractorConfig,
         static: SplatfactoModelConfig,
         cameras: Cameras,
-        points: Float[Tensor, "P 3"] | None,
+        points: Float[Tensor, "P 3"] | None = None,
         background: BackgroundGrade = "off",
         scale: float = 1.0,
     ):
-        """Says so where there are too few views to judge by.
+        """Start every view's distractors; say so where there are too few views to judge by.
 
         Args:
-            gaussians: the distractors of all views.
-            config: of the distractors; steps as they are in this run.
+            config: steps as they are in this run.
             static: of the static scene; both sets share thresholds.
             cameras: the training cameras, shape [V].
             points: of the reconstruction, if the scene starts from them.
             background: what lies behind the scene.
             scale: steps of the run for each nominal one.
+
+        Raises:
+            ConfigError: where a setting lies outside its range.
         """
-        self.gaussians = gaussians
+        super().__init__()
+        check_ranges(config, "--pipeline.model.distractors")
         self.config = config
-        self.num_views = len(cameras)
+        self.views = [ViewDistractors(fill_view(view, config)) for view in views_of(cameras)]
         self.background = background
         self.is_behind_by_chance = background == "off" and static.background_color == "random"
         """A sky, and a colour that the user chose, are part of the scene."""
-        every = config.steps_between_refinements(self.num_views, scale)
+        every = config.steps_between_refinements(len(cameras), scale)
         self.densifier = DistractorDensifier(config, static, every)
         self.thresholds = Thresholds(config.weak_excess, config.strong_excess)
         self.sweep = PlaneSweep(points, cameras)
         self.regions: dict[int, Bool[Tensor, "rows columns"]] = {}
         """Those of each view, as it was last looked at."""
-        if config.start == "residual" and self.num_views < FEW_VIEWS:
-            announce_once(about_few_views(self.num_views), warning=True)
+        if config.start == "residual" and len(cameras) < FEW_VIEWS:
+            announce_once(about_few_views(len(cameras)), warning=True)
+
+    def counts(self) -> list[int]:
+        """Number of Gaussians of every training view, counted anew."""
+        return [len(view) for view in self.views]
 
     def draw(self, index: int, rasterize: Callable[[Splats], Rendering]) -> Rendering | None:
         """Render the distractors of training view `index`; None if it has none."""
-        view = self.gaussians.views[index]
+        view = self.views[index]
         return rasterize(activate_distractors(view.params)) if len(view) > 0 else None
 
     def draw_for_training(
@@ -145,76 +127,52 @@ class DistractorLayer:
         """As `draw`, with the gradients that densification reads; None in the warm-up."""
         if step < self.config.warmup:
             return None
-        self.gaussians.views[index].begin_step(rates_at(step))
+        self.views[index].begin_step(rates_at(step))
         rendering = self.draw(index, rasterize)
         if rendering is not None:
             rendering.means2d.retain_grad()
         return rendering
 
-    def look(
-        self,
-        step: Step,
-        photo: Float[Tensor, "H W 3"],
-        static: Float[Tensor, "H W 3"],
-        behind: Float[Tensor, "*background 3"] | None,
-        mask: Bool[Tensor, "H W 1"] | None,
-        opacities: Float[Tensor, "N 1"],
-        state: Mapping[str, Any],
-    ) -> tuple[Float[Tensor, "H W 3"], Float[Tensor, "H W 1"] | None]:
-        """Compare the photo of a step with the static scene, if that is due.
+    def look(self, step: Step, opacities: Float[Tensor, "N 1"], state: Mapping[str, Any]) -> None:
+        """Apply the user's mask to the photo of a step, and find its regions, if that is due.
 
         Args:
-            static: in the photo's light, in [0, 1].
-            behind: the background, in the photo's light.
-            mask: the user's, False in pixels that do not count; None if there is none.
+            step: with photo, static scene, background and mask; gets regions.
             opacities: of the static Gaussians, logits.
             state: of their strategy; it is read only.
-
-        Returns:
-            The photo, under the mask as the static scene; and 1 in pixels of regions, if the view
-            has distractors.
         """
-        counted, photo_as_it_is = None, photo
-        if mask is not None:
-            photo, counted = apply_mask(photo, static, mask)
-        step.photo, step.static_rgb = photo, static
+        counted, photo = None, step.photo
+        if step.mask is not None:
+            step.photo, counted = apply_mask(photo, step.static_rgb, step.mask)
         step.regions = self.regions.get(step.index)
         if self.looks(step):
             if step.index not in self.sweep.photos:
-                step.sweep_photo = photo_to_sweep(photo_as_it_is, mask)
-            behind = behind if self.is_behind_by_chance else None
-            self.update_regions(step, behind, opacities, state, counted)
-        if step.distractors is None or step.regions is None:
-            return photo, None
-        return photo, region_pixels(step.regions.to(photo.dtype), *photo.shape[:2])
+                step.sweep_photo = photo_to_sweep(photo, step.mask)
+            self._find_regions(step, opacities, state, counted)
+        if step.distractors is not None and step.regions is not None:
+            height, width = photo.shape[:2]
+            step.in_region = region_pixels(step.regions.to(photo.dtype), height, width)
 
     def looks(self, step: Step) -> bool:
         """Whether the photo is compared with the static scene: in the warm-up, once after it, and
         in every `LOOK_EVERY`th round of visits. nerfstudio draws each view once in a round."""
-        if self.config.start != "residual" or self.num_views <= LEAST_VIEWS:
+        if self.config.start != "residual" or len(self.views) <= LEAST_VIEWS:
             return False
-        is_due = step.run // self.num_views % LOOK_EVERY == 0
+        is_due = step.run // len(self.views) % LOOK_EVERY == 0
         is_new = step.index not in self.regions
         return is_due or is_new or step.nominal < self.config.warmup
 
     @torch.no_grad()
-    def update_regions(
+    def _find_regions(
         self,
         step: Step,
-        behind: Float[Tensor, "*background 3"] | None,
         opacities: Float[Tensor, "N 1"],
         state: Mapping[str, Any],
         counted: Bool[Tensor, "rows columns"] | None,
     ) -> None:
         """Find the regions of a step, and what the Gaussians remember; in the warm-up that alone.
-
-        Args:
-            behind: the background in the photo's light; None if it is scene.
-            opacities: of the static Gaussians, logits.
-            state: of their strategy; it is read only.
-            counted: cells that the user's mask leaves in; None if it leaves out none.
-        """
-        photo = step.photo
+        `counted`: cells that the user's mask leaves in; None if it leaves out none."""
+        photo, behind = step.photo, step.behind if self.is_behind_by_chance else None
         static = StaticView(
             step.static_rgb.detach(),
             step.static.alpha.detach(),
@@ -260,7 +218,7 @@ class DistractorLayer:
             weights_of: gives what each of the view's distractors makes up of it, in pixels.
         """
         index, view = step.index, step.view
-        distractors = self.gaussians.views[index]
+        distractors = self.views[index]
         if step.distractors is not None:
             keep_colors_in_range(distractors.params)
             info = strategy_info(step.distractors, view)
@@ -279,3 +237,23 @@ class DistractorLayer:
         changed = placement(step.view, photo, alpha_d, regions, means, self.config)
         if changed is not None:
             distractors.exchange(*changed)
+
+    def _apply(self, fn: Callable[[Tensor], Tensor], *args: Any, **options: Any) -> Any:
+        """torch's hook of `to`: parameters move in place."""
+        for view in self.views:
+            for parameter in view.params.values():
+                parameter.data = fn(parameter.data)
+        return super()._apply(fn, *args, **options)
+
+    def get_extra_state(self) -> dict[str, Any]:
+        """For a checkpoint: each view's parameters, moments and statistics; regions; photos."""
+        views = [view.saved() for view in self.views]
+        return {"views": views, "regions": dict(self.regions), "photos": self.sweep.state()}
+
+    def set_extra_state(self, state: dict[str, Any]) -> None:
+        """Take up what `get_extra_state` gave."""
+        device = self.views[0].params["means"].device
+        for view, saved in zip(self.views, state["views"], strict=True):
+            view.load(saved, device)
+        self.regions = state_to_device(state["regions"], device)
+        self.sweep.load(state["photos"])
