@@ -40,9 +40,8 @@ class Arguments:
     """Trainings beside each other, one thread each; 0: one on a GPU, else one for each core, eight
     at most."""
     executor: Literal["local", "ray"] = "local"
-    """Where trainings are done: here, or on Ray."""
-    ray_address: str | None = None
-    """Of a cluster; without one Ray is started here."""
+    """Where trainings are done: here, or on Ray: on the cluster that RAY_ADDRESS names, if it is
+    set."""
 
     def main(self, parser: tuple[str, ...]) -> None:
         """Check what can be checked at once, then measure by a data parser of this name and
@@ -59,7 +58,7 @@ class Arguments:
         # a GPU is shared badly, and times beside others mean little
         on_cpu = method_config(BASE).machine.device_type == "cpu"
         jobs = self.jobs or (min(cores(), MOST_JOBS) if on_cpu else 1)
-        executor = Executor(self.executor, jobs, self.ray_address)
+        executor = Executor(self.executor, jobs)
         announce(f"Written: {tradeoff(self.data, parser, self.output, seconds, executor)}")
 
 

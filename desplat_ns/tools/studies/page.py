@@ -3,12 +3,14 @@ needs no other."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import cycle
 from pathlib import Path
-from statistics import fmean, median, stdev
+from statistics import fmean, median
 from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.stats import ttest_1samp
 
 from desplat_ns.core.pages import chart, inline_svg, plain_logarithmic, svg_of, template
 from desplat_ns.core.whole import plain_errors, write_whole
@@ -58,29 +60,17 @@ def measured(runs: Iterable[Run], records: Mapping[Key, Record]) -> list[Measure
     return sorted(points, key=lambda point: (point.variant != BASE, point.steps))
 
 
-def p_value(gains: Sequence[float]) -> float:
-    """p of a paired t-test, two-sided, of the three differences between three seeds.
-
-    With two degrees of freedom Student's distribution has a closed form,
-    P(|T| >= t) = 1 - t / sqrt(t^2 + 2), for t = mean / error.
-    """
-    mean, error = fmean(gains), stdev(gains) / math.sqrt(3)
-    return 1 - abs(mean) / math.hypot(mean, math.sqrt(2) * error) if mean else 1.0
-
-
-def corrected(p_values: Sequence[float]) -> list[float]:
+def corrected(p_values: Sequence[float] | np.ndarray) -> list[float]:
     """p values for their number (Holm 1979): with a claim where the result is at most q, there is a
     false claim among them in at most a share q of such studies."""
-    adjusted, largest = [0.0] * len(p_values), 0.0
-    for rank, i in enumerate(sorted(range(len(p_values)), key=lambda i: p_values[i])):
-        largest = max(largest, min(1.0, (len(p_values) - rank) * p_values[i]))
-        adjusted[i] = largest
-    return adjusted
+    order = np.argsort(p_values)
+    raised = np.asarray(p_values)[order] * np.arange(len(order), 0, -1)
+    return np.maximum.accumulate(raised).clip(max=1.0)[np.argsort(order)].tolist()
 
 
 def verdicts(points: Sequence[Measured]) -> list[str]:
-    """What may be said of each point against the base at as many steps, in their order; empty
-    where there is nothing to compare it with."""
+    """What may be said of each point against the base at as many steps, in their order, by a paired
+    t-test; empty where there is nothing to compare it with."""
     base = {point.steps: point.scores for point in points if point.variant == BASE}
     gains: list[list[float]] = []
     for point in points:
@@ -88,7 +78,8 @@ def verdicts(points: Sequence[Measured]) -> list[str]:
         common = [seed for seed in point.scores if seed in theirs]
         gains.append([point.scores[seed]["psnr"] - theirs[seed]["psnr"] for seed in common])
     tested = [i for i, pairs in enumerate(gains) if len(pairs) == len(SEEDS)]
-    p_values = dict(zip(tested, corrected([p_value(gains[i]) for i in tested]), strict=True))
+    found = [ttest_1samp(gains[i], 0.0)[1] for i in tested]  # NaN where all are 0
+    p_values = dict(zip(tested, corrected(np.nan_to_num(found, nan=1.0)), strict=True))
 
     def verdict(i: int) -> str:
         if not gains[i]:
@@ -105,11 +96,10 @@ def verdicts(points: Sequence[Measured]) -> list[str]:
 def write_page(study: Study) -> Path:
     """Write the page; where it is. Raises ConfigError where it cannot."""
     page, points = study.output / "report.html", measured(study.planned, study.records)
-    missing = (run.name for run in study.planned if run.key not in study.records)
     with plain_errors(study.output):
         text = template(TEMPLATE, spread=spread).render(
             study=study,
-            left_out=[name for name in missing if name not in study.failed],
+            left_out=[run.name for run in study.missing if run.name not in study.failed],
             seeds=len(SEEDS),
             significant=SIGNIFICANT,
             columns={
@@ -128,9 +118,8 @@ def spread(values: Sequence[float | int], form: str) -> str:
     """Median, and the range of several values; empty where there is none."""
     if not values:
         return ""
-    text = format(median(values), form)
-    several = len(values) > 1
-    return f"{text} ({min(values):{form}} to {max(values):{form}})" if several else text
+    text = f"{median(values):{form}}"
+    return f"{text} ({min(values):{form}} to {max(values):{form}})" if len(values) > 1 else text
 
 
 def drawn(points: Sequence[Measured]) -> str:

@@ -33,6 +33,9 @@ PROGRAM = "desplat_ns.tools.studies.train_and_score"
 RESULTS, LOG, PICTURES = "results.json", "run.log", "pictures"
 """In the folder of a run; pictures are the held-out photos with the renderings beside them."""
 
+RAY = "RAY_ADDRESS"
+"""Environment variable: Ray's own, of a cluster; without it Ray is started here."""
+
 PARENT = "DESPLAT_NS_PARENT"
 """Environment variable: the process with which a training is to end."""
 
@@ -118,9 +121,7 @@ def execute(run: Run, folder: Path, train: Train = in_own_process) -> Record:
             shutil.rmtree(checkpoints, ignore_errors=True)
     seconds = round(time.monotonic() - began, 1)
     figures = results["figures"]
-    scores = {
-        name: value for name, value in figures.items() if isinstance(value, int | float | str)
-    }
+    scores = {name: v for name, v in figures.items() if isinstance(v, int | float | str)}
     scores["versions"] = ", ".join(" ".join(pair) for pair in figures.get("versions", {}).items())
     return Record(results["commit"], today(), *run.key, scores, seconds, results["device_name"])
 
@@ -132,8 +133,6 @@ class Executor:
     name: Literal["local", "ray"] = "local"
     jobs: int = 1
     """Runs beside each other."""
-    address: str | None = None
-    """Of a Ray cluster; without one Ray is started here."""
     do: Do = execute
 
     def finish(
@@ -172,9 +171,8 @@ class Executor:
                     try:
                         records[run.key] = record = future.result()
                     except Exception as error:
-                        ours = isinstance(error, DeSplatError)
-                        failed[run.name] = "" if ours else f"{type(error).__name__}: "
-                        failed[run.name] += str(error)
+                        kind = "" if isinstance(error, DeSplatError) else type(error).__name__
+                        failed[run.name] = f"{kind}: {error}".removeprefix(": ")
                         announce(f"{run.name}: {failed[run.name]}", warning=True)
                     else:
                         save(file, records.values())
@@ -195,7 +193,7 @@ class Executor:
                 "pip install 'desplat-ns[ray]'."
             ) from error
         here: dict[str, Any] = {"num_cpus": self.jobs, "include_dashboard": False}
-        options = here if self.address is None else {"address": self.address}
+        options = {} if RAY in os.environ else here
         ray.init(runtime_env={"env_vars": import_path()}, log_to_driver=False, **options)
         try:
             resources = ray.cluster_resources()
