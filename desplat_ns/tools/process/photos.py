@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import io
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
@@ -19,7 +19,8 @@ import numpy as np
 import PIL.Image
 from jaxtyping import Float32, UInt8
 
-from desplat_ns.core.console import list_names
+from desplat_ns.core.console import list_names, progress_over
+from desplat_ns.core.cores import cores
 from desplat_ns.core.errors import CaptureError
 from desplat_ns.core.whole import write_whole
 from desplat_ns.data.images import lens_of, read_image, read_mask, resize_image, resize_mask
@@ -86,8 +87,6 @@ def prepare_photos(
     sources: Sequence[str],
     copies: Path,
     longest_side: int,
-    threads: int,
-    progress: Callable[[int, int], None],
 ) -> list[Photo]:
     """Copy all photos to `copies` and their alpha to `masks` beside it (COPY.png), and say of each
     what was seen. A second call writes the same.
@@ -95,21 +94,20 @@ def prepare_photos(
     Args:
         folder: of the sources.
         longest_side: in pixels; larger photos are reduced by area.
-        progress: called with the number of photos that are done and that of all.
 
     Raises:
         OSError: a copy cannot be written.
     """
     copies.mkdir(parents=True, exist_ok=True)
     photos, first = [], dict[str, str]()
-    with ThreadPoolExecutor(threads) as pool:
+    with ThreadPoolExecutor(cores()) as pool, progress_over(len(sources), "Photos") as advance:
         copied = pool.map(lambda p: _copy(folder, p, copies, longest_side), numbered(sources))
         for photo, digest in copied:
             twin = first.setdefault(digest, photo.source)
             if twin != photo.source:
                 photo = replace(photo, problem=f"the same picture as {twin}")
             photos.append(photo)
-            progress(len(photos), len(sources))
+            advance()
     return photos
 
 

@@ -20,20 +20,12 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-from desplat_ns.core.console import announce, list_names, progress_with_time_left
-from desplat_ns.core.cores import cores
+from desplat_ns.core.console import announce, list_names
 from desplat_ns.core.errors import CaptureError, ConfigError
 from desplat_ns.core.whole import IN_USE, check_room, only_process_in, write_whole
 from desplat_ns.tools.process.photos import Photo, group_by_camera, prepare_masks, prepare_photos
-from desplat_ns.tools.process.reconstruction import (
-    FEW,
-    PLAIN,
-    THOROUGH,
-    Attempt,
-    Model,
-    reconstruct,
-)
-from desplat_ns.tools.process.request import MIN_PHOTOS, Request, Sources
+from desplat_ns.tools.process.reconstruction import FEW, PLAIN, THOROUGH, Attempt, reconstruct
+from desplat_ns.tools.process.request import MIN_PHOTOS, Request
 from desplat_ns.tools.process.undistortion import undistort
 
 RECORD = "process.json"
@@ -47,8 +39,11 @@ FEW_FEATURES = 0.1
 """Of the median number of features of the photos that have a pose."""
 
 
-def process(request: Request, sources: Sources) -> None:
+def process(request: Request, names: Sequence[str]) -> None:
     """Make the capture, or go on where an earlier call stopped; says what came out.
+
+    Args:
+        names: of photos, below their folder; none of a video.
 
     Raises:
         ConfigError: the output folder holds something else, or was begun with other options, or
@@ -56,7 +51,9 @@ def process(request: Request, sources: Sources) -> None:
             kept.
         CaptureError: too few photos can be used, or nothing ties them together. Nothing is left.
     """
-    output, asked = request.output, {**request.lasting(), **sources.sizes()}
+    output, asked = request.output, request.lasting()
+    for name in names or [""]:  # a file of another size is not the same any more
+        asked[name or request.photos.name] = f"{(request.photos / name).stat().st_size} bytes"
     with only_process_in(output):
         try:
             if is_made(output, asked):
@@ -66,7 +63,7 @@ def process(request: Request, sources: Sources) -> None:
                     f"rm -r {shlex.quote(str(output))}."
                 )
             else:
-                findings = _make(request, sources)
+                findings = _make(request, names)
                 _write_record(output, {"asked": asked, "findings": findings})
                 for line in report_lines(output, findings):
                     announce(line, warning=line.startswith("Warning"))
@@ -106,11 +103,6 @@ def is_made(output: Path, asked: Mapping[str, str]) -> bool:
                 "over: name a new or an empty folder."
             )
         _write_record(output, {"asked": asked})
-    if links := [place.name for place in output.rglob("*") if place.is_symlink()]:
-        raise ConfigError(
-            f"{output} has links ({list_names(links, 5)}), through which nothing is written. Name "
-            "another folder."
-        )
     try:
         record = json.loads(path.read_text("utf8"))
         had = dict(record["asked"])
@@ -131,21 +123,19 @@ def _write_record(output: Path, record: Mapping[str, Any]) -> None:
 # --- the stages ----------------------------------------------------------------------------------
 
 
-def _make(request: Request, sources: Sources) -> dict[str, Any]:
+def _make(request: Request, names: Sequence[str]) -> dict[str, Any]:
     """Make the capture; its findings."""
-    photos = _usable_photos(request, sources)
-    best = _best_attempt(request, sources.is_video, photos)
-    missing = left_out(photos, best)
-    if not best.models or len(best.models[0].photos) < MIN_PHOTOS:
+    photos = _usable_photos(request, names)
+    best = _best_attempt(request, photos)
+    model, missing = best.first, left_out(photos, best)
+    if len(model.photos) < MIN_PHOTOS:
         reasons = " ".join(f"{list_names(names)}: {why}." for why, names in missing.items())
         raise CaptureError(
             f"No three of the {len(photos)} photos could be put together. {reasons}"
             " Needed are photos that overlap by two thirds, from places some steps apart, sharp, "
             "of something with structure."
         )
-    model = best.models[0]
-    with progress_with_time_left("Undistortion") as show:
-        undistort(request, model, photos, show)
+    undistort(request, model, photos)
     return {
         "photos": len(model.photos),
         "of": len(photos),
@@ -157,25 +147,22 @@ def _make(request: Request, sources: Sources) -> dict[str, Any]:
     }
 
 
-def _usable_photos(request: Request, sources: Sources) -> list[Photo]:
+def _usable_photos(request: Request, names: Sequence[str]) -> list[Photo]:
     """Copy the photos, or the frames of a video, and say which cannot be used.
 
     Raises:
         CaptureError: fewer than `MIN_PHOTOS` are left, or the video's camera stands still.
         OSError: nothing can be written.
     """
-    work, folder, names = request.output / "work", sources.folder, list(sources.names)
-    if sources.is_video:
+    work, folder = request.output / "work", request.photos
+    if request.is_video:
         from desplat_ns.tools.process.video import take_frames
 
         folder = work / "frames"
-        with progress_with_time_left("Video") as show:
-            names = take_frames(sources.folder / names[0], folder, request.frames, show)
+        names = take_frames(request.photos, folder, request.frames)
     # COLMAP's threads end the process where the disk is full
     check_room(request.output, BYTES * len(names), "copies and features take up to")
-    side, threads = request.longest_side, request.threads or cores()
-    with progress_with_time_left("Photos") as show:
-        photos = prepare_photos(folder, names, work / "photos", side, threads, show)
+    photos = prepare_photos(folder, names, work / "photos", request.longest_side)
     reasons: dict[str, list[str]] = {}
     for photo in photos:
         reasons.setdefault(photo.problem, []).append(photo.source)
@@ -192,7 +179,7 @@ def _usable_photos(request: Request, sources: Sources) -> list[Photo]:
     return good
 
 
-def _best_attempt(request: Request, is_video: bool, photos: Sequence[Photo]) -> Attempt:
+def _best_attempt(request: Request, photos: Sequence[Photo]) -> Attempt:
     """The plain way; where it falls short also without EXIF's focal lengths, then the thorough one;
     or what was asked for. Whichever has the best score."""
     cameras = group_by_camera(photos, request.cameras)
@@ -201,11 +188,11 @@ def _best_attempt(request: Request, is_video: bool, photos: Sequence[Photo]) -> 
         count = prepare_masks(request.mask, photos, request.output / "work" / "masks")
         announce(f"{count} of {len(photos)} photos have a mask.")
     first = THOROUGH if request.effort == "thorough" else PLAIN
-    best = reconstruct(request, photos, is_video, first)
+    best = reconstruct(request, photos, first)
     known = [photo for photo in photos if photo.focal]
     if known and (why := shortfall(best, len(photos))):
         free = [replace(photo, focal_35mm=0.0) for photo in photos]
-        without = reconstruct(request, free, is_video, first)
+        without = reconstruct(request, free, first)
         if without.score[0] > best.score[0]:
             best, photos = without, free
             lengths = dict.fromkeys(f"{photo.focal_35mm:.0f} mm" for photo in known)
@@ -220,12 +207,12 @@ def _best_attempt(request: Request, is_video: bool, photos: Sequence[Photo]) -> 
         f"{why} Once more, thoroughly: more and truer features at full size, which takes several "
         "times as long (--effort plain leaves that out)."
     )
-    return max(best, reconstruct(request, photos, is_video, THOROUGH), key=lambda one: one.score)
+    return max(best, reconstruct(request, photos, THOROUGH), key=lambda one: one.score)
 
 
 def shortfall(attempt: Attempt, of: int) -> str:
     """Why an attempt with `of` photos asks for another; empty where it does not."""
-    first = attempt.models[0] if attempt.models else Model(Path(), (), 0, 0, 0.0)
+    first = attempt.first
     posed = len(first.photos)
     thin = ", which share few points" if first.observations < FEW * posed else ""
     bent = f", with {first.error:.2f} pixels of reprojection error" if first.is_bent else ""
@@ -242,7 +229,7 @@ def left_out(photos: Sequence[Photo], attempt: Attempt) -> dict[str, list[str]]:
     Args:
         photos: those that could be read.
     """
-    posed = set(attempt.models[0].photos) if attempt.models else set()
+    posed = set(attempt.first.photos)
     best = dict.fromkeys(attempt.features, 0)
     for a, b, count in attempt.pairs:
         best[a], best[b] = max(best[a], count), max(best[b], count)

@@ -14,7 +14,7 @@ Letters in shapes: N photos, F features, D numbers of a descriptor, W words.
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations, count
 from pathlib import Path
@@ -38,18 +38,13 @@ from desplat_ns.tools.process.request import MIN_PHOTOS, CameraModel, Request
 # All that pycolmap tells stands on the console else, between the bars of progress.
 pycolmap.logging.minloglevel = pycolmap.logging.FATAL.value
 
-Count = Callable[[int, int], None]
-"""Called with what is done of a stage and what there is to do."""
-
 TERMS = ((10, "RADIAL"), (3, "SIMPLE_RADIAL"), (1, "SIMPLE_PINHOLE"))
 """From so many photos of one camera on: two, one or no term of radial distortion. A term of a
 single photo takes up whatever does not fit, up to values that no lens has."""
 GUESS = 1.2
 """COLMAP's: of the longer side, the focal length where nothing is known."""
-PHOTOS_AT_ONCE = 2
-"""Of each thread in one call: few, so that progress is seen and a kill costs little."""
-PAIRS_AT_ONCE = 8
-"""Of each thread in one call, for the same reason. A call takes 0.05 s more."""
+PHOTOS_AT_ONCE, PAIRS_AT_ONCE = 2, 8
+"""Of each core in one call, see `in_blocks`. A call takes 0.05 s more."""
 ALL_PAIRS_UP_TO = 200
 """Photos: 19,900 pairs. Above, pairs by image similarity."""
 OVERLAP = 10
@@ -149,38 +144,29 @@ class Attempt:
     """Names of two copies and the number of their verified matches, where there are any."""
 
     @property
+    def first(self) -> Model:
+        """The model with most photos; one without any where none was found."""
+        return self.models[0] if self.models else Model(Path(), (), 0, 0, 0.0)
+
+    @property
     def score(self) -> tuple[float, int]:
         """Photos and observations of the first model: more photos are better, and with as many
         more observations. Photos that are off count half."""
-        if not self.models:
-            return 0, 0
-        first = self.models[0]
-        return len(first.photos) / (2 if first.is_bent else 1), first.observations
+        return len(self.first.photos) / (1 + self.first.is_bent), self.first.observations
 
 
-def reconstruct(
-    request: Request, photos: Sequence[Photo], is_video: bool, recipe: Recipe
-) -> Attempt:
-    """Find poses of photos by a recipe, with a bar for each stage. Features and matches that an
-    earlier call found are not looked for again.
-
-    Args:
-        photos: copies and masks of them lie in the work folder, which gets a folder for the recipe.
-        is_video: whether photos follow each other as frames do.
-
-    Raises:
-        CaptureError: the camera stands still.
-    """
-    work, threads = request.output / "work", request.threads or cores()
+def reconstruct(request: Request, photos: Sequence[Photo], recipe: Recipe) -> Attempt:
+    """Find poses of photos, whose copies and masks lie in the work folder, by a recipe, with a bar
+    for each stage. Features and matches that an earlier call found are not looked for again. Raises
+    CaptureError where the camera stands still."""
+    work = request.output / "work"
     copies, place = work / "photos", work / recipe.name
     found = place / ("models" if any(photo.focal for photo in photos) else "models_without_exif")
     place.mkdir(parents=True, exist_ok=True)
     database, cameras = place / "database.db", group_by_camera(photos, request.cameras)
     enter_photos(database, copies, cameras, request.camera_model)
-    with progress_with_time_left(f"Features ({recipe.name})") as show:
-        features = find_features(database, copies, recipe, threads, show)
-    with progress_with_time_left(f"Matching ({recipe.name})") as show:
-        match_photos(database, is_video, recipe, threads, show)
+    features = find_features(database, copies, recipe)
+    match_photos(database, request.is_video, recipe)
     matched, verified = verified_pairs(database)
     if matched >= MIN_PHOTOS > len(verified) + 1:
         raise CaptureError(
@@ -188,9 +174,7 @@ def reconstruct(
             "without those hardly any are left. Walk around while taking photos. If a watermark or "
             "a part of the camera's stand is all that matches, the photos share no place."
         )
-    with progress_with_time_left(f"Mapping ({recipe.name})", alike=False) as show:
-        models = map_photos(database, copies, found, recipe, threads, show)
-    return Attempt(recipe, models, features, verified)
+    return Attempt(recipe, map_photos(database, copies, found, recipe), features, verified)
 
 
 # --- features ------------------------------------------------------------------------------------
@@ -224,33 +208,33 @@ def enter_photos(
         pycolmap.import_images(database, copies, pycolmap.CameraMode.SINGLE, names, reader)
 
 
-def find_features(
-    database: Path, copies: Path, recipe: Recipe, threads: int, progress: Count
-) -> dict[str, int]:
+def find_features(database: Path, copies: Path, recipe: Recipe) -> dict[str, int]:
     """The number of SIFT features of each copy where `masks` beside them does not forbid any;
     copies that have them already are passed over."""
     reader = pycolmap.ImageReaderOptions(mask_path=copies.with_name("masks"))
     options = pycolmap.FeatureExtractionOptions()
-    options.num_threads = threads
+    options.num_threads = cores()
     options.max_image_size = recipe.longest_side or -1
     options.sift.max_num_features = recipe.most_features
     options.sift.peak_threshold = recipe.peak_threshold
     options.sift.domain_size_pooling = recipe.careful
     options.sift.estimate_affine_shape = recipe.careful
     names = sorted(name for name, features in feature_counts(database).items() if not features)
-    for some in in_blocks(names, PHOTOS_AT_ONCE * threads, progress):
+    for some in in_blocks(names, PHOTOS_AT_ONCE, f"Features ({recipe.name})"):
         pycolmap.extract_features(
             database, copies, some, reader_options=reader, extraction_options=options
         )
     return feature_counts(database)
 
 
-def in_blocks(items: Sequence[Any], size: int, progress: Count) -> Iterator[Sequence[Any]]:
-    """So many items at a time, each block counted as done when the next is asked for."""
-    for start in range(0, len(items), size):
-        progress(start, len(items))
-        yield items[start : start + size]
-    progress(len(items), len(items))
+def in_blocks(items: Sequence[Any], at_once: int, label: str) -> Iterator[Sequence[Any]]:
+    """So many items for each core at a time, with a bar on the console: few, so that progress is
+    seen and a kill costs little."""
+    size = at_once * cores()
+    with progress_with_time_left(label) as show:
+        for start in range(0, len(items), size):
+            show(start, len(items))
+            yield items[start : start + size]
 
 
 def feature_counts(database: Path) -> dict[str, int]:
@@ -263,13 +247,11 @@ def feature_counts(database: Path) -> dict[str, int]:
 # --- matches -------------------------------------------------------------------------------------
 
 
-def match_photos(
-    database: Path, is_video: bool, recipe: Recipe, threads: int, progress: Count
-) -> None:
+def match_photos(database: Path, is_video: bool, recipe: Recipe) -> None:
     """Match pairs of photos and verify them by epipolar geometry; those that are matched already
     are passed over."""
     options = pycolmap.FeatureMatchingOptions()
-    options.num_threads = threads
+    options.num_threads = cores()
     options.guided_matching = recipe.careful
     with pycolmap.Database.open(database) as db:
         images = sorted(db.read_all_images(), key=lambda image: image.name)
@@ -290,7 +272,7 @@ def match_photos(
     verification.filter_stationary_matches = True
     verification.stationary_matches_max_error = max(LEAST_TOLERANCE, OFF_OF_SIDE * side)
     listed = database.with_name("pairs.txt")
-    for some in in_blocks(chosen, PAIRS_AT_ONCE * threads, progress):
+    for some in in_blocks(chosen, PAIRS_AT_ONCE, f"Matching ({recipe.name})"):
         lines = (f"{images[a].name} {images[b].name}\n" for a, b in some)
         listed.write_text("".join(lines), "utf8")
         pairing = pycolmap.ImportedPairingOptions(match_list_path=listed)
@@ -354,35 +336,27 @@ def verified_pairs(database: Path) -> tuple[int, list[tuple[str, str, int]]]:
 # --- poses ---------------------------------------------------------------------------------------
 
 
-def map_photos(
-    database: Path, photos: Path, models: Path, recipe: Recipe, threads: int, progress: Count
-) -> list[Model]:
-    """Find poses and points from verified matches, incrementally; `models` gets a folder for each
-    model.
-
-    Returns:
-        The models, the one with most photos first.
-    """
+def map_photos(database: Path, photos: Path, models: Path, recipe: Recipe) -> list[Model]:
+    """Find poses and points from verified matches, incrementally; the models, the one with most
+    photos first. `models` gets a folder for each."""
     options = pycolmap.IncrementalPipelineOptions()
-    options.num_threads = threads
+    options.num_threads = cores()
     options.random_seed = SEED
     options.min_model_size = MIN_PHOTOS
     options.mapper.abs_pose_min_num_inliers = recipe.pose_inliers
     total, placed = len(feature_counts(database)), count(1)
-
-    def one_more() -> None:
-        progress(min(next(placed), total), total)
-
     shutil.rmtree(models, ignore_errors=True)
     models.mkdir()
-    mapped = pycolmap.incremental_mapping(
-        database,
-        photos,
-        models,
-        options,
-        initial_image_pair_callback=one_more,
-        next_image_callback=one_more,
-    )
+    with progress_with_time_left(f"Mapping ({recipe.name})", alike=False) as show:
+
+        def one_more() -> None:
+            show(min(next(placed), total), total)
+
+        told: dict[str, Any] = {
+            "initial_image_pair_callback": one_more,
+            "next_image_callback": one_more,
+        }
+        mapped = pycolmap.incremental_mapping(database, photos, models, options, **told)
     found = []
     for index, model in mapped.items():
         if recipe.filtered is not None:

@@ -58,8 +58,6 @@ class Request:
     """Folder with a mask for each photo, or one picture for all: no features where it is black."""
     frames: int = ranged(150, "[3, inf)")
     """Of a video, at most: the sharpest, at even distances."""
-    threads: int = ranged(0, "[0, inf)")
-    """0: all cores."""
     keep_work: bool = False
     """Keep features, matches and all models, in OUTPUT/work."""
 
@@ -68,14 +66,12 @@ class Request:
         check_ranges(self)
         if self.mask is not None and not self.mask.exists():
             raise ConfigError(f"--mask is {self.mask}, which does not exist.")
-        sources = find_sources(self.photos, self.output, self.mask)
+        names = [] if self.is_video else find_photos(self.photos, self.output, self.mask)
         os.environ.setdefault("OMP_WAIT_POLICY", "passive")  # read as pycolmap is imported
 
-        from desplat_ns.tools.process.process import (
-            process,  # takes a second: not before the checks
-        )
+        from desplat_ns.tools.process.process import process  # a second: not before the checks
 
-        process(self, sources)
+        process(self, names)
 
     def lasting(self) -> dict[str, str]:
         """The options that a second call must share with the first, by their names."""
@@ -83,31 +79,16 @@ class Request:
         asked = {"PHOTOS": str(self.photos.resolve())}
         return asked | {option_of(name): str(getattr(self, name)) for name in names}
 
-
-@dataclass(frozen=True)
-class Sources:
-    """What lies at PHOTOS."""
-
-    folder: Path
-    """In which the names are."""
-    names: tuple[str, ...]
-    """Photos as paths below the folder, sorted, or one video."""
-    is_video: bool
-
-    def sizes(self) -> dict[str, str]:
-        """Bytes of each file: another number, and it is not the same file any more."""
-        return {name: f"{(self.folder / name).stat().st_size} bytes" for name in self.names}
+    @property
+    def is_video(self) -> bool:
+        """Whether PHOTOS is a file."""
+        return self.photos.is_file()
 
 
-def find_sources(photos: Path, output: Path, mask: Path | None = None) -> Sources:
-    """The photos of a folder and the folders in it, or a video file; not what lies in `output` or
-    `mask`, nor masks, which are told.
-
-    Raises:
-        CaptureError: nothing there, no photo, one or two photos, several videos.
-    """
-    if photos.is_file():
-        return Sources(photos.parent, (photos.name,), is_video=True)
+def find_photos(photos: Path, output: Path, mask: Path | None = None) -> list[str]:
+    """The photos of a folder and the folders in it, as sorted paths below it; not what lies in
+    `output` or `mask`, nor masks, which are told. Raises CaptureError where they are fewer than
+    `MIN_PHOTOS`."""
     if not photos.is_dir():
         raise CaptureError(f"There is no '{photos}'. Name a folder of photos, or a video.")
     out, mask = output.resolve(), mask and mask.resolve()
@@ -139,7 +120,7 @@ def find_sources(photos: Path, output: Path, mask: Path | None = None) -> Source
         )
     if len(names) >= MIN_PHOTOS:
         begin_folder(photos, files)
-        return Sources(photos, tuple(names), is_video=False)
+        return names
     raise CaptureError(
         f"{photos} has {len(names)} photos among its {len(files)} files "
         f"({list_names(names or files, 5)}). At least {MIN_PHOTOS} are needed, better 20 and more, "

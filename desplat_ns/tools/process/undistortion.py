@@ -17,16 +17,17 @@ import PIL.Image
 import pycolmap
 from matplotlib.figure import Figure
 
+from desplat_ns.core.console import progress_with_time_left
 from desplat_ns.core.cores import cores
 from desplat_ns.core.whole import write_whole
 from desplat_ns.tools.process.photos import JPEG_QUALITY, Photo, write_picture
-from desplat_ns.tools.process.reconstruction import Count, Model
+from desplat_ns.tools.process.reconstruction import Model
 from desplat_ns.tools.process.request import Request
 
 
-def undistort(request: Request, model: Model, photos: Sequence[Photo], progress: Count) -> None:
+def undistort(request: Request, model: Model, photos: Sequence[Photo]) -> None:
     """Write OUTPUT/cameras.png, OUTPUT/images and OUTPUT/sparse/0, whole or not at all. Alpha is
-    undistorted as its photo is. `progress` is called each second.
+    undistorted as its photo is.
 
     Raises:
         OSError: photos could not be written as a whole.
@@ -35,13 +36,12 @@ def undistort(request: Request, model: Model, photos: Sequence[Photo], progress:
     flat = output / "work" / "undistorted"
     shutil.rmtree(flat, ignore_errors=True)
     options = pycolmap.UndistortCameraOptions(max_image_size=request.longest_side)
-    how = {"undistort_options": options, "jpeg_quality": JPEG_QUALITY}
-    how["num_threads"] = request.threads or cores()
-    with ThreadPoolExecutor(1) as pool:
+    how = {"undistort_options": options, "jpeg_quality": JPEG_QUALITY, "num_threads": cores()}
+    with ThreadPoolExecutor(1) as pool, progress_with_time_left("Undistortion") as show:
         places = flat, model.folder, output / "work" / "photos"
         job = pool.submit(pycolmap.undistort_images, *places, **how)
         while wait([job], timeout=1.0).not_done:  # pycolmap tells nothing, but writes file by file
-            progress(len(list(flat.glob("images/*"))), len(model.photos))
+            show(len(list(flat.glob("images/*"))), len(model.photos))
         job.result()
     flat_model = pycolmap.Reconstruction(flat / "sparse")
     bent_model = pycolmap.Reconstruction(model.folder)

@@ -6,7 +6,7 @@ nothing. Letters in shapes: H x W pixels.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,6 +14,7 @@ import cv2
 import numpy as np
 from jaxtyping import UInt8
 
+from desplat_ns.core.console import progress_with_time_left
 from desplat_ns.core.errors import CaptureError
 from desplat_ns.core.whole import draft_of
 from desplat_ns.tools.process.request import MIN_PHOTOS
@@ -40,9 +41,7 @@ class Frame:
     """That the picture has moved since the first frame, in widths."""
 
 
-def take_frames(
-    video: Path, folder: Path, most: int, progress: Callable[[int, int], None]
-) -> list[str]:
+def take_frames(video: Path, folder: Path, most: int) -> list[str]:
     """Write the chosen frames to `folder` as PNG, unless it is there already; whole or not at all.
     Pixels that are not square become so: by the side along which they are longer.
 
@@ -53,7 +52,7 @@ def take_frames(
         CaptureError: the video cannot be read, or its camera does not move.
     """
     if not folder.is_dir():
-        seen = list(look_at(video, progress))
+        seen = look_at(video)
         chosen = choose(seen, most)
         if len(chosen) < MIN_PHOTOS:
             raise CaptureError(
@@ -74,18 +73,21 @@ def take_frames(
     return sorted(path.name for path in folder.iterdir())
 
 
-def look_at(video: Path, progress: Callable[[int, int], None]) -> Iterator[Frame]:
+def look_at(video: Path) -> list[Frame]:
     """What is seen of every frame. Raises as `frames_of`."""
-    anchor, distance = None, 0.0
-    for index, total, pixels in frames_of(video):
-        small = cv2.resize(pixels, LOOKED_AT, interpolation=cv2.INTER_AREA)
-        grey = cv2.cvtColor(small, cv2.COLOR_BGR2GRAY)
-        anchor = grey if anchor is None else anchor
-        moved = motion(anchor, grey)
-        if moved >= STEP:
-            anchor, distance, moved = grey, distance + moved, 0.0
-        progress(index + 1, total)
-        yield Frame(index, float(cv2.Laplacian(grey, cv2.CV_64F).var()), distance + moved)
+    seen, anchor, distance = list[Frame](), None, 0.0
+    with progress_with_time_left("Video") as show:
+        for index, total, pixels in frames_of(video):
+            small = cv2.resize(pixels, LOOKED_AT, interpolation=cv2.INTER_AREA)
+            grey = cv2.cvtColor(small, cv2.COLOR_BGR2GRAY)
+            anchor = grey if anchor is None else anchor
+            moved = motion(anchor, grey)
+            if moved >= STEP:
+                anchor, distance, moved = grey, distance + moved, 0.0
+            sharpness = float(cv2.Laplacian(grey, cv2.CV_64F).var())
+            seen.append(Frame(index, sharpness, distance + moved))
+            show(index + 1, total)
+    return seen
 
 
 def motion(first: UInt8[np.ndarray, "H W"], second: UInt8[np.ndarray, "H W"]) -> float:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from desplat_ns.core.console import list_names
 from desplat_ns.core.pages import Picture
 from desplat_ns.distractors.config import DistractorConfig
-from desplat_ns.tools.report.pictures import Photo, marked
+from desplat_ns.tools.report.pictures import ShownPhoto, marked
 from desplat_ns.tools.report.views import Disputed
 
 HARDLY = 0.001
@@ -41,11 +41,11 @@ class Notice:
 def notices(
     steps: int,
     planned: int | None,
-    photos: Sequence[Photo],
+    photos: Sequence[ShownPhoto],
     distractors: DistractorConfig | None,
     disputed: Disputed | None,
     alone: Mapping[str, float],
-) -> list[Notice]:
+) -> Iterator[Notice]:
     """Everything that stands out, what matters most first.
 
     Args:
@@ -53,54 +53,43 @@ def notices(
         distractors: their settings; None in a run without them.
         alone: photos that show parts of the scene alone, and how large a share of what they show.
     """
-    return [
-        *([] if distractors is None else _of_distractors(photos, distractors)),
-        *([] if disputed is None else [_of_places(disputed, photos)]),
-        *_of_run(steps, planned, alone),
-    ]
-
-
-def _of_distractors(photos: Sequence[Photo], config: DistractorConfig) -> Iterator[Notice]:
     shares = {photo.name: photo.covered or 0.0 for photo in photos}
-    names = sorted((k for k, share in shares.items() if share > MUCH), key=lambda k: -shares[k])
-    excess = f"{DISTRACTORS}.strong-excess (now {config.strong_excess:g})"
-    dearer = f"a higher {DISTRACTORS}.lambda-d (now {config.lambda_d:g})"
-    if config.start == "residual":
-        dearer = f"a higher {excess}, or {dearer}"
-    if names:
+    if distractors is not None and shares:
+        excess = f"{DISTRACTORS}.strong-excess (now {distractors.strong_excess:g})"
+        dearer = f"a higher {DISTRACTORS}.lambda-d (now {distractors.lambda_d:g})"
+        if distractors.start == "residual":
+            dearer = f"a higher {excess}, or {dearer}"
+        ranked = sorted(shares, key=lambda name: -shares[name])
+        if names := [name for name in ranked if shares[name] > MUCH]:
+            yield Notice(
+                f"Distractors cover more than {MUCH:.0%} of {len(names)} of {len(photos)} photos, "
+                f"most of {list_names(names, MAX_NAMES)}.",
+                "The scene behind them is known from other photos alone; if most photos are "
+                "covered, it cannot be learned. Photos that show little of the scene can be left "
+                "out of the capture. Where the light, the weather or the sky changes from photo to "
+                f"photo: {FOR_LIGHT_AND_SKY}. If what is covered belongs to the scene: {dearer}.",
+            )
+        if statistics.fmean(shares.values()) <= HARDLY:
+            yield Notice(
+                "Distractors cover next to nothing: either nothing is in the way, or it was not "
+                "found.",
+                f"If you see something in the way: more steps, or a lower {excess}.",
+            )
+    if disputed is not None:
+        first = next((photo for photo in photos if photo.name == disputed.names[0]), None)
         yield Notice(
-            f"Distractors cover more than {MUCH:.0%} of {len(names)} of {len(photos)} photos, most "
-            f"of {list_names(names, MAX_NAMES)}.",
-            "The scene behind them is known from other photos alone; if most photos are covered, "
-            "it cannot be learned. Photos that show little of the scene can be left out of the "
-            "capture. Where the light, the weather or the sky changes from photo to photo: "
-            f"{FOR_LIGHT_AND_SKY}. If what is covered belongs to the scene: {dearer}.",
+            f"Of {disputed.share:.0%} of the scene nobody can tell what it is: most photos that "
+            "see it show something else there, above all "
+            f"{list_names(disputed.names, MAX_NAMES)}.",
+            "Something may stand in the same place in many photos, and be in the static scene now: "
+            "leave some of these photos out, mask it, or add photos without it. If it is a part of "
+            f"the scene that changes, as clouds do: {FOR_LIGHT_AND_SKY}.",
+            first and marked(first, disputed.where),
         )
-    if shares and statistics.fmean(shares.values()) <= HARDLY:
-        yield Notice(
-            "Distractors cover next to nothing: either nothing is in the way, or it was not found.",
-            f"If you see something in the way: more steps, or a lower {excess}.",
-        )
-
-
-def _of_places(disputed: Disputed, photos: Sequence[Photo]) -> Notice:
-    names = disputed.names
-    pictures = [marked(p, disputed.where) for p in photos if p.name == names[0]]
-    return Notice(
-        f"Of {disputed.share:.0%} of the scene nobody can tell what it is: most photos that see it "
-        f"show something else there, above all {list_names(names, MAX_NAMES)}.",
-        "Something may stand in the same place in many photos, and be in the static scene now: "
-        "leave some of these photos out, mask it, or add photos without it. If it is a part of "
-        f"the scene that changes, as clouds do: {FOR_LIGHT_AND_SKY}.",
-        *pictures[:1],
-    )
-
-
-def _of_run(steps: int, planned: int | None, alone: Mapping[str, float]) -> Iterator[Notice]:
     if planned is not None and steps < planned:
         yield Notice(
-            f"The run has {steps:,} of {planned:,} steps: it was stopped, or this "
-            "is one of its earlier checkpoints.",
+            f"The run has {steps:,} of {planned:,} steps: it was stopped, or this is one of its "
+            "earlier checkpoints.",
             "Go on with --load-dir and the folder of its checkpoints.",
         )
     if alone:

@@ -32,7 +32,7 @@ CARD, BESIDE = 0.8, 0.6
 
 
 @dataclass(frozen=True)
-class Photo:
+class ShownPhoto:
     """A photo, and what is shown of it."""
 
     name: str
@@ -47,7 +47,7 @@ class Photo:
     """Of the evaluation."""
 
 
-def training_photos(pipeline: DeSplatPipeline, chosen: Sequence[int]) -> Iterator[Photo]:
+def training_photos(pipeline: DeSplatPipeline, chosen: Sequence[int]) -> Iterator[ShownPhoto]:
     """Training photos taken apart. Raises CaptureError of a photo that cannot be read any more."""
     model, manager = pipeline.model, pipeline.datamanager
     with (
@@ -74,7 +74,7 @@ def training_photos(pipeline: DeSplatPipeline, chosen: Sequence[int]) -> Iterato
                 drawn = over_checkerboard(*drawn, max(8, max(photo.shape) // 48))
                 pictures["distractors"] = picture_of(drawn, BESIDE)
                 pictures["mask"] = picture_of(mask, BESIDE)
-            yield Photo(name, pictures, covered, unlike)
+            yield ShownPhoto(name, pictures, covered, unlike)
             advance()
 
 
@@ -84,7 +84,7 @@ def picture_of(image: Tensor | np.ndarray, share: float = 1.0) -> Picture:
     return Picture(shrunk(pixels, LARGEST_SIDE), share)
 
 
-def marked(photo: Photo, where: Bool[np.ndarray, "rows columns"]) -> Picture:
+def marked(photo: ShownPhoto, where: Bool[np.ndarray, "rows columns"]) -> Picture:
     """A photo that is dark but where cells of it are set, and in gaps of one cell."""
     pixels = photo.pictures["photo"].pixels
     closed = cv2.morphologyEx(where.astype(np.float32), cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
@@ -92,7 +92,9 @@ def marked(photo: Photo, where: Bool[np.ndarray, "rows columns"]) -> Picture:
     return Picture((pixels * (0.25 + 0.75 * light[..., None])).astype(np.uint8), BESIDE)
 
 
-def held_out_photos(pipeline: DeSplatPipeline, most: int) -> tuple[dict[str, Any], list[Photo]]:
+def held_out_photos(
+    pipeline: DeSplatPipeline, most: int
+) -> tuple[dict[str, Any], list[ShownPhoto]]:
     """The evaluation that `ns-eval` makes, of all held-out photos, and at most so many of them, the
     worst first: means hide what a look at them shows. With 0 nothing is evaluated.
 
@@ -116,7 +118,7 @@ def held_out_photos(pipeline: DeSplatPipeline, most: int) -> tuple[dict[str, Any
         figures = results["images"][index]
         pixels = {"photo": photo, "rendering": rendering, "error": error_map(photo, rendering)}
         pictures = {name: picture_of(each, BESIDE) for name, each in pixels.items()}
-        shown.append(Photo(figures["name"], pictures, figures=figures))
+        shown.append(ShownPhoto(figures["name"], pictures, figures=figures))
     return results, sorted(shown, key=lambda photo: photo.figures["psnr"])
 
 

@@ -107,7 +107,7 @@ class Light:
 
 
 @dataclass(frozen=True)
-class Contents:
+class PageScene:
     """All that is on a page."""
 
     title: str
@@ -130,13 +130,13 @@ class Contents:
 
 
 @torch.no_grad()
-def gather(
+def scene_of(
     run: LoadedRun,
     most_training: int,
     most_held_out: int,
     crop: float | None = None,
     light: str | None = None,
-) -> Contents:
+) -> PageScene:
     """What the page of a run shows; arguments as of `desplat-export page`.
 
     Raises:
@@ -175,7 +175,7 @@ def gather(
             cameras.append(_page_camera(model, camera, batch["image"], names[index], None))
             advance()
         shown = model.embedding_of(None)
-        return Contents(
+        return PageScene(
             title=str(run.config.experiment_name),
             date=date.fromtimestamp(run.checkpoint.stat().st_mtime).isoformat(),
             cloud=cloud,

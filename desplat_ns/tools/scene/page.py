@@ -21,7 +21,7 @@ from desplat_ns.core.whole import plain_errors, write_whole
 from desplat_ns.tools.export.splat_cloud import SplatCloud, moved, turned_harmonics
 from desplat_ns.tools.export.spz import color_bytes, placed, spz_bytes
 from desplat_ns.tools.loading import load_run
-from desplat_ns.tools.scene.gather import TO_PAGE, Contents, gather
+from desplat_ns.tools.scene.gather import TO_PAGE, PageScene, scene_of
 
 HERE = Path(__file__).parent
 TEMPLATE = HERE / "page.html.jinja"
@@ -54,9 +54,9 @@ def write_scene(
     light: str | None,
 ) -> None:
     """Write the page of a run's scene, and say what is not on it; arguments as of `desplat-export
-    page`. Raises as `load_run`, `gather` and `html_of`."""
-    contents = gather(load_run(files), most_training, most_held_out, crop, light)
-    text, left_out = html_of(contents, int(megabytes * 1e6))
+    page`. Raises as `load_run`, `scene_of` and `scene_html`."""
+    contents = scene_of(load_run(files), most_training, most_held_out, crop, light)
+    text, left_out = scene_html(contents, int(megabytes * 1e6))
     content = text.encode()
     with plain_errors(output):
         write_whole(output, content)
@@ -65,7 +65,7 @@ def write_scene(
         announce(line, warning=True)
 
 
-def html_of(contents: Contents, most: int) -> tuple[str, list[str]]:
+def scene_html(contents: PageScene, most: int) -> tuple[str, list[str]]:
     """The page, of at most so many bytes, and lines about what is not on it. Raises ConfigError
     where photos or Gaussians do not fit, however few or small."""
     pictures = [Picture(camera.photo) for camera in contents.cameras]

@@ -20,16 +20,16 @@ SURVEY = {"appearance": finding("camera", "close"), "background": finding("off",
 def test_an_effect_has_the_surveys_reason():
     effects = Effects(True, "camera", "off")
     distractors, appearance, background = effect_reasons(effects, SURVEY, 29, ["a.jpg", "b.jpg"])
-    assert (distractors.value, appearance.value, background.value) == ("on", "camera", "off")
-    assert "2 of 29" in distractors.why and "a.jpg, b.jpg" in distractors.why
-    assert appearance.why.startswith("Because.") and "close call" in appearance.why
-    assert "safe side" in background.why
+    assert (distractors[1], appearance[1], background[1]) == ("on", "camera", "off")
+    assert "2 of 29" in distractors[2] and "a.jpg, b.jpg" in distractors[2]
+    assert appearance[2].startswith("Because.") and "close call" in appearance[2]
+    assert "safe side" in background[2]
 
 
 def test_an_effect_that_was_given_against_the_survey_says_so():
     distractors, appearance, _ = effect_reasons(Effects(False, "affine"), SURVEY, 29, [])
-    assert (distractors.value, appearance.value) == ("off", "affine")
-    assert "would have said camera: Because." in appearance.why
+    assert (distractors[1], appearance[1]) == ("off", "affine")
+    assert "would have said camera: Because." in appearance[2]
 
 
 @pytest.mark.parametrize("content", ["", "{"])

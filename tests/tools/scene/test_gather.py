@@ -15,7 +15,13 @@ from desplat_ns.core.errors import CaptureError, ConfigError
 from desplat_ns.core.run_files import find_run
 from desplat_ns.tools.export.splat_cloud import baked
 from desplat_ns.tools.loading import LoadedRun, load_run
-from desplat_ns.tools.scene.gather import AVERAGE, gather, light_of, other_lights, standing_for_all
+from desplat_ns.tools.scene.gather import (
+    AVERAGE,
+    light_of,
+    other_lights,
+    scene_of,
+    standing_for_all,
+)
 from tests.helpers.small_model import held_out, model_with, moved
 
 pytestmark = pytest.mark.slow
@@ -30,7 +36,7 @@ def run(trained: Path) -> LoadedRun:
 
 def test_every_photo_has_its_camera_and_what_was_taken_out_of_it(run: LoadedRun):
     model: Any = run.pipeline.model
-    contents = gather(run, 100, 100)
+    contents = scene_of(run, 100, 100)
     manager = run.pipeline.datamanager
     training = [camera for camera in contents.cameras if not camera.held_out]
     assert [camera.name for camera in training] == list(manager.train_image_names)
@@ -46,7 +52,7 @@ def test_every_photo_has_its_camera_and_what_was_taken_out_of_it(run: LoadedRun)
 def test_fewer_photos_are_told_and_gaussians_weighed_by_what_they_make_up_of_the_photos(
     run: LoadedRun,
 ):
-    contents = gather(run, 2, 1)
+    contents = scene_of(run, 2, 1)
     assert [camera.held_out for camera in contents.cameras] == [False, False, True]
     assert contents.not_shown.startswith("2 of 6 training photos and 1 of")
     weights = contents.weigh(contents.cloud)
@@ -65,7 +71,7 @@ def test_what_cannot_be_shown_is_an_error_that_names_the_option(
     run: LoadedRun, options: dict[str, Any], error: type[Exception], named: str
 ):
     with pytest.raises(error, match=named):
-        gather(run, **{"most_training": 1, "most_held_out": 0, **options})
+        scene_of(run, **{"most_training": 1, "most_held_out": 0, **options})
 
 
 def on_a_line(*places: float) -> torch.Tensor:
