@@ -20,7 +20,6 @@ from desplat_ns.tools.scene.gather import (
     light_of,
     other_lights,
     scene_of,
-    standing_for_all,
 )
 from tests.helpers.small_model import held_out, model_with, moved
 
@@ -74,19 +73,6 @@ def test_what_cannot_be_shown_is_an_error_that_names_the_option(
         scene_of(run, **{"most_training": 1, "most_held_out": 0, **options})
 
 
-def on_a_line(*places: float) -> torch.Tensor:
-    return torch.tensor(places)[:, None]
-
-
-def test_lights_are_taken_that_all_are_nearest_to():
-    """Around 0 is the first one. Of those about 10 the middle one serves all three best, and then
-    the one at -4 is farther from what is taken than any other."""
-    lights = on_a_line(0.1, 9.0, 10.0, 11.0, -4.0, 0.2)
-    assert standing_for_all(lights, torch.zeros(1), 2) == [2, 4]
-    lights = on_a_line(*[0.0] * 10, *[5.0] * 10, 20.0)
-    assert 10 <= standing_for_all(lights, torch.zeros(1), 1)[0] < 20, "not the strange one"
-
-
 @pytest.mark.parametrize("appearance", ["affine", "sh"])
 def test_each_light_has_the_colours_that_are_baked_for_its_photo(appearance: str):
     model = moved(model_with(appearance)).eval()
@@ -94,7 +80,7 @@ def test_each_light_has_the_colours_that_are_baked_for_its_photo(appearance: str
     model.names[0] += "\udcfc"  # a byte that is no text
     rows = torch.arange(model.num_points) % 3 != 0
     lights = other_lights(model, rows, view_of(held_out()))
-    assert 1 <= len(lights) <= 3 and len({light.name for light in lights}) == len(lights)
+    assert len(lights) == len({light.name for light in lights}) == 3
     for light in lights:
         photo = [text_of(name) for name in model.names].index(light.name)
         with model.shown_in(model.image_effects.of(photo)):
