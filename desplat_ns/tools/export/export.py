@@ -40,23 +40,16 @@ from desplat_ns.training.pipeline import DeSplatPipeline
 
 WRITERS = {".ply": ply_bytes, ".spz": spz_bytes, ".glb": glb_bytes}
 
-MOST_CROP_VIEWS = 100
-"""Training views that are looked through to find how far the cameras look."""
-
-SIDE = 64
-"""Pixels of the longer side of the renderings whose depth is looked at."""
-
-COVERED = 0.5
-"""Opacity from which a pixel shows something at a depth."""
+MOST_CROP_VIEWS, SIDE, COVERED = 100, 64, 0.5
+"""To find how far cameras look: training views at most, pixels of the longer side of a rendering,
+and the opacity from which a pixel shows something at a depth."""
 
 
 def export_splats(
     files: RunFiles, output: Path, frame: Frame, crop: float | None, light: str | None
 ) -> None:
-    """Write the static Gaussians of a run; say how many, how large, and what was left out.
-
-    Arguments as of `desplat-export splats`. Raises as `load_run`, `static_cloud`.
-    """
+    """Write the static Gaussians of a run; say how many, how large, and what was left out. Takes
+    what `desplat-export splats` takes. Raises as `load_run`, `static_cloud`."""
     ending = format_of(output)
     pipeline = load_run(files, needs_photos=False).pipeline
     cloud, _ = static_cloud(pipeline, crop, light)
@@ -102,11 +95,9 @@ def export_splats(
 def export_masks(
     files: RunFiles, output: Path, invert: bool, dilate: float, naming: Naming
 ) -> None:
-    """Write the distractor mask of every training photo as PNG, at the photo's full size.
-
-    Arguments as of `desplat-export masks`. Raises as `load_run` and `photos_on_disk`, and
-    ConfigError where the run has no distractors, or there is nowhere to write.
-    """
+    """Write the distractor mask of every training photo as PNG, at the photo's full size. Arguments
+    as of `desplat-export masks`. Raises as `load_run` and `photos_on_disk`, and ConfigError where
+    the run has no distractors, or there is nowhere to write."""
     pipeline = load_run(files).pipeline
     model = pipeline.model
     if model.layer is None:
@@ -136,10 +127,8 @@ def static_cloud(
     pipeline: DeSplatPipeline, crop: float | None, light: str | None
 ) -> tuple[SplatCloud, Bool[Tensor, " N"]]:
     """The static Gaussians that a file is to hold, in the coordinates of training, and which of the
-    model's they are; says what was left out. Arguments as of `desplat-export splats`.
-
-    Raises ConfigError: an unknown light, or nothing left.
-    """
+    model's they are; says what was left out. Arguments as of `desplat-export splats`. Raises
+    ConfigError of an unknown light, or where nothing is left."""
     model = pipeline.model
     cameras = pipeline.datamanager.train_dataset.cameras.to(pipeline.device)
     with shown_in(model, light), torch.no_grad():
@@ -190,11 +179,8 @@ def within(
     rasterize: Callable[[View], Rendering],
     factor: float,
 ) -> Bool[np.ndarray, " N"]:
-    """Which points lie no farther from some camera than `factor` times its `reach_of`.
-
-    Args:
-        rasterize: the static scene with its depth.
-    """
+    """Which points lie no farther from some camera than `factor` times its `reach_of`. `rasterize`
+    draws the static scene with its depth."""
     kept = np.zeros(len(means), bool)
     for view in views:
         reach = reach_of(view, rasterize)
@@ -206,10 +192,7 @@ def within(
 
 def reach_of(view: View, rasterize: Callable[[View], Rendering]) -> float | None:
     """Median depth of what a small version of a view shows, world units; None if that is nothing.
-
-    Args:
-        rasterize: the static scene with its depth.
-    """
+    `rasterize` draws the static scene with its depth."""
     factor = max(view.width, view.height) / SIDE
     scale = torch.tensor([1 / factor, 1 / factor, 1.0]).to(view.K)
     width, height = (max(1, round(side / factor)) for side in (view.width, view.height))

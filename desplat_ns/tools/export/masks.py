@@ -40,11 +40,8 @@ CRITERIA = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 50, 1e-9)
 
 def photos_on_disk(manager: DeSplatDataManager) -> Iterator[tuple[str, Cameras]]:
     """Of each training photo, in the order of the views: its path below the photos' folder, and the
-    camera [1] at the photo's full size, with its distortion.
-
-    Raises:
-        CaptureError: a photo that cannot be read any more.
-    """
+    camera [1] at the photo's full size, with its distortion. Raises CaptureError of a photo that
+    cannot be read any more."""
     outputs, parser = manager.train_dataparser_outputs, manager.dataparser
     paths = outputs.image_filenames
     names = image_names(paths)
@@ -71,8 +68,7 @@ def mask_names(photos: Sequence[str], naming: Naming) -> list[str]:
     if naming == "colmap":
         return [f"{photo}.png" for photo in photos]
     names = [str(PurePosixPath(photo).with_suffix(".png")) for photo in photos]
-    twice = [name for name, count in Counter(names).items() if count > 1]
-    if twice:
+    if twice := [name for name, count in Counter(names).items() if count > 1]:
         raise ConfigError(
             f"--names {naming} calls the masks of several photos the same: {list_names(twice)}. "
             "Add `--names colmap`, which keeps the photos' endings."

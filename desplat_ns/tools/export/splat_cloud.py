@@ -95,14 +95,8 @@ def shown_anywhere(splats: Splats) -> Bool[Tensor, " N"]:
 
 
 def baked(splats: Splats, antialiased: bool) -> SplatCloud:
-    """Gaussians of a model as a file holds them, those that are `shown_anywhere`.
-
-    Args:
-        splats: activated, with the colours of one light.
-
-    Raises:
-        ConfigError: nothing is left.
-    """
+    """Gaussians of a model, activated, with the colours of one light, as a file holds them: those
+    that are `shown_anywhere`. Raises ConfigError where that is none."""
     shown = shown_anywhere(splats)
     if not shown.any():
         raise ConfigError(

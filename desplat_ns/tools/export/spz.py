@@ -40,10 +40,8 @@ def spz_bytes(cloud: SplatCloud) -> bytes:
     Largest errors: of a coordinate half a step, 2^-bits / 2 (see `fractional_bits`): the larger of
     2^-21 and 1.2e-7 (1 / LARGEST) of the largest coordinate. 1/32 of a scale's logarithm (between
     e^-10 and e^5.9), 1/510 of an opacity, 1/76 of a zeroth coefficient (within 3.3), 1/64 of the
-    others (of degree one 1/128; within 1). How large that is beside Gaussians: see `placed`.
-
-    Raises:
-        ConfigError: coordinates are too large for the format.
+    others (of degree one 1/128; within 1). How large that is beside Gaussians: see `placed`. Raises
+    ConfigError where coordinates are too large for the format.
     """
     farthest = float(np.abs(cloud.means).max(initial=0.0))
     bits = fractional_bits(farthest)

@@ -83,21 +83,11 @@ def numbered(sources: Sequence[str]) -> list[Photo]:
 
 
 def prepare_photos(
-    folder: Path,
-    sources: Sequence[str],
-    copies: Path,
-    longest_side: int,
+    folder: Path, sources: Sequence[str], copies: Path, longest_side: int
 ) -> list[Photo]:
     """Copy all photos to `copies` and their alpha to `masks` beside it (COPY.png), and say of each
-    what was seen. A second call writes the same.
-
-    Args:
-        folder: of the sources.
-        longest_side: in pixels; larger photos are reduced by area.
-
-    Raises:
-        OSError: a copy cannot be written.
-    """
+    what was seen. A second call writes the same. Photos with more pixels on a side than
+    `longest_side` are reduced by area. Raises OSError where a copy cannot be written."""
     copies.mkdir(parents=True, exist_ok=True)
     photos, first = [], dict[str, str]()
     with ThreadPoolExecutor(cores()) as pool, progress_over(len(sources), "Photos") as advance:
@@ -142,12 +132,9 @@ def write_picture(path: Path, pixels: UInt8[np.ndarray, "H W *C"]) -> None:
 
 
 def check_projection(path: Path, image: UInt8[np.ndarray, "H W C"]) -> None:
-    """Refuse what is no perspective view: its poses come out, off by tenths of the scene.
-
-    Raises:
-        CaptureError: a panorama by its file, or a 360-degree picture or two fisheye circles, twice
-            as wide as high.
-    """
+    """Refuse what is no perspective view: its poses come out, off by tenths of the scene. Raises
+    CaptureError of a panorama by its file, or a 360-degree picture or two fisheye circles, twice as
+    wide as high."""
     small = cv2.resize(image[..., :3], (512, 256), interpolation=cv2.INTER_AREA).astype(np.float32)
     is_wide = abs(image.shape[1] - 2 * image.shape[0]) <= 0.005 * image.shape[1]
     if is_wide and shows_two_circles(small):
@@ -190,17 +177,12 @@ def sharpness(pixels: UInt8[np.ndarray, "H W 3"]) -> float:
 
 def prepare_masks(mask: Path, photos: Sequence[Photo], copies: Path) -> int:
     """Blacken COPY.png in `copies` for each photo that has a mask: where no feature may be, as on a
-    watermark, a dashboard or a selfie stick.
+    watermark, a dashboard or a selfie stick. Says how many have one. Raises CaptureError where none
+    has one, or one has another shape than its photo, or cannot be read.
 
     Args:
         mask: a picture for all photos, or a folder with one for each, named as the photo, with any
             ending (`a.png` or `a.jpg.png` for `a.jpg`), in a folder as the photo's or in none.
-
-    Returns:
-        How many photos have one.
-
-    Raises:
-        CaptureError: none has one, or one has another shape than its photo, or cannot be read.
     """
     names = photo_names(mask)
     masks = {str(PurePosixPath(name).with_suffix("")).lower(): mask / name for name in names}
@@ -234,11 +216,7 @@ def group_by_camera(photos: Sequence[Photo], cameras: Cameras) -> list[list[Phot
 
     Photos share one if they have the same size, folder, make, model, lens and focal length. Where
     EXIF does not say, they share one by size, unless sizes are as mixed as those of photos of
-    many people.
-
-    Args:
-        cameras: "one", "folder" and "photo" ask for fewer or more; photos of different sizes never
-            share one.
+    many people. `cameras` may ask for fewer or more, but photos of different sizes never share one.
     """
     without = [photo for photo in photos if not photo.camera]
     sizes = {(photo.width, photo.height) for photo in without}

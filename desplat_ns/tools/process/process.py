@@ -40,10 +40,8 @@ FEW_FEATURES = 0.1
 
 
 def process(request: Request, names: Sequence[str]) -> None:
-    """Make the capture, or go on where an earlier call stopped; says what came out.
-
-    Args:
-        names: of photos, below their folder; none of a video.
+    """Make the capture of photos of these names below their folder, or of a video, or go on where
+    an earlier call stopped; says what came out.
 
     Raises:
         ConfigError: the output folder holds something else, or was begun with other options, or
@@ -86,15 +84,9 @@ def process(request: Request, names: Sequence[str]) -> None:
 
 def is_made(output: Path, asked: Mapping[str, str]) -> bool:
     """Whether the capture is there. In a new folder the record is begun; in one with a record, a
-    call with the same photos and options was at work.
-
-    Args:
-        asked: what decides what comes out: options, and sources with their sizes.
-
-    Raises:
-        ConfigError: something else lies there, or other photos or options were processed there.
-        OSError: nothing can be written there.
-    """
+    call with the same photos and options was at work. `asked` decides what comes out: options, and
+    sources with their sizes. Raises ConfigError where something else lies there, or other photos or
+    options were processed there."""
     path = output / RECORD
     if not path.is_file():
         if entries := sorted(place.name for place in output.iterdir() if place.name != IN_USE):
@@ -148,12 +140,8 @@ def _make(request: Request, names: Sequence[str]) -> dict[str, Any]:
 
 
 def _usable_photos(request: Request, names: Sequence[str]) -> list[Photo]:
-    """Copy the photos, or the frames of a video, and say which cannot be used.
-
-    Raises:
-        CaptureError: fewer than `MIN_PHOTOS` are left, or the video's camera stands still.
-        OSError: nothing can be written.
-    """
+    """Copy the photos, or the frames of a video, and say which cannot be used. Raises CaptureError
+    where fewer than `MIN_PHOTOS` are left, or the video's camera stands still."""
     work, folder = request.output / "work", request.photos
     if request.is_video:
         from desplat_ns.tools.process.video import take_frames
@@ -224,11 +212,7 @@ def shortfall(attempt: Attempt, of: int) -> str:
 
 def left_out(photos: Sequence[Photo], attempt: Attempt) -> dict[str, list[str]]:
     """The probable reasons why photos are not in the first model, as far as features, matches and
-    sharpness tell, each with the sources that it holds for.
-
-    Args:
-        photos: those that could be read.
-    """
+    sharpness tell, each with the sources that it holds for."""
     posed = set(attempt.first.photos)
     best = dict.fromkeys(attempt.features, 0)
     for a, b, count in attempt.pairs:

@@ -27,11 +27,7 @@ from desplat_ns.tools.process.request import Request
 
 def undistort(request: Request, model: Model, photos: Sequence[Photo]) -> None:
     """Write OUTPUT/cameras.png, OUTPUT/images and OUTPUT/sparse/0, whole or not at all. Alpha is
-    undistorted as its photo is.
-
-    Raises:
-        OSError: photos could not be written as a whole.
-    """
+    undistorted as its photo is. Raises OSError where photos could not be written as a whole."""
     output, by_copy = request.output, {photo.copy: photo for photo in photos}
     flat = output / "work" / "undistorted"
     shutil.rmtree(flat, ignore_errors=True)

@@ -42,15 +42,10 @@ class Frame:
 
 
 def take_frames(video: Path, folder: Path, most: int) -> list[str]:
-    """Write the chosen frames to `folder` as PNG, unless it is there already; whole or not at all.
-    Pixels that are not square become so: by the side along which they are longer.
-
-    Returns:
-        Their names, in the video's order.
-
-    Raises:
-        CaptureError: the video cannot be read, or its camera does not move.
-    """
+    """Write the chosen frames to `folder` as PNG, unless it is there already, whole or not at all;
+    their names, in the video's order. Pixels that are not square become so: by the side along which
+    they are longer. Raises CaptureError where the video cannot be read, or its camera does not
+    move."""
     if not folder.is_dir():
         seen = look_at(video)
         chosen = choose(seen, most)
@@ -125,11 +120,7 @@ def pixel_aspect(video: Path) -> float:
 
 def frames_of(video: Path) -> Iterator[tuple[int, int, np.ndarray]]:
     """The video's frames: number, how many the file says that there are, and pixels [H, W, 3] in
-    blue, green and red, upright.
-
-    Raises:
-        CaptureError: none can be read.
-    """
+    blue, green and red, upright. Raises CaptureError where none can be read."""
     file = cv2.VideoCapture(str(video), cv2.CAP_FFMPEG)
     total, index = int(file.get(cv2.CAP_PROP_FRAME_COUNT)), 0
     is_there, pixels = file.read()

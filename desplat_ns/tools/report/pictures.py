@@ -96,11 +96,8 @@ def held_out_photos(
     pipeline: DeSplatPipeline, most: int
 ) -> tuple[dict[str, Any], list[ShownPhoto]]:
     """The evaluation that `ns-eval` makes, of all held-out photos, and at most so many of them, the
-    worst first: means hide what a look at them shows. With 0 nothing is evaluated.
-
-    Raises:
-        CaptureError: a photo that cannot be read any more.
-        DeSplatError: a figure of a photo is not a finite number.
+    worst first: means hide what a look at them shows. With 0 nothing is evaluated. Raises
+    CaptureError of a photo that cannot be read any more, DeSplatError where a figure is not finite.
     """
     if most == 0:
         return {}, []

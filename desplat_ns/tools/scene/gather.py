@@ -131,12 +131,9 @@ def scene_of(
     crop: float | None = None,
     light: str | None = None,
 ) -> PageScene:
-    """What the page of a run shows; arguments as of `desplat-export page`.
-
-    Raises:
-        CaptureError: the run has no camera to start from, or a photo cannot be read any more.
-        ConfigError: an unknown light, or no Gaussians are left.
-    """
+    """What the page of a run shows, by what `desplat-export page` takes. Raises CaptureError where
+    there is no camera to start from, or a photo cannot be read any more, ConfigError of an unknown
+    light, or where no Gaussians are left."""
     pipeline = run.pipeline
     model, manager = pipeline.model, pipeline.datamanager
     cloud, rows = static_cloud(pipeline, crop, light)

@@ -7,6 +7,4 @@ captures.
 the runs, `page` says which differences are real. `desplat-reproduce` makes the paper's tables:
 `paper` has the data sets, methods, metrics and published figures, `reproduce` finds the scenes,
 does the runs and writes the table.
-
-Works without a checkout; may import all of `desplat_ns`, which imports nothing from here.
 """

@@ -83,17 +83,11 @@ Do = Callable[[Run, Path], Record]
 """Does a run in a folder; see `execute`."""
 
 
-def import_path() -> dict[str, str]:
-    """The variable by which another process imports what this one would, from a checkout as from an
-    installed package."""
-    return {"PYTHONPATH": os.pathsep.join(dict.fromkeys(map(os.path.abspath, sys.path)))}
-
-
 def in_own_process(method: str, options: list[str], folder: Path) -> dict[str, Any]:
     """A `Train` in a process of one thread. Raises DeSplatError that names its log."""
     line = [sys.executable, "-m", PROGRAM, str(folder / RESULTS), method, *options]
     with (folder / LOG).open("w") as log:
-        environment = os.environ | import_path() | ONE_THREAD | {PARENT: str(os.getpid())}
+        environment = os.environ | ONE_THREAD | {PARENT: str(os.getpid())}
         done = subprocess.run(line, stdout=log, stderr=subprocess.STDOUT, env=environment)
     if done.returncode != 0:
         raise DeSplatError(f"Training or scoring failed. Its log: {folder / LOG}")
@@ -143,18 +137,14 @@ class Executor:
         folder: Path,
         left: Callable[[], str] = str,
     ) -> dict[str, str]:
-        """Do all runs that have no record, record each as it ends, and say so; why some failed, by
-        name.
+        """Do all runs that have no record, in a folder, record each as it ends, and say so; why
+        some failed, by name. Raises ConfigError where records cannot be written, DeSplatError where
+        Ray is not installed.
 
         Args:
             runs: the next is asked for when there is a place for it.
             records: those in `file`; new ones are added.
-            folder: of what is trained.
             left: what to say after each run of what is left, in words.
-
-        Raises:
-            ConfigError: records cannot be written, for instance because the disk is full.
-            DeSplatError: Ray is not installed.
         """
         failed, folder = dict[str, str](), folder.resolve()
         coming = (run for run in runs if run.key not in records)
@@ -194,7 +184,7 @@ class Executor:
             ) from error
         here: dict[str, Any] = {"num_cpus": self.jobs, "include_dashboard": False}
         options = {} if RAY in os.environ else here
-        ray.init(runtime_env={"env_vars": import_path()}, log_to_driver=False, **options)
+        ray.init(log_to_driver=False, **options)
         try:
             resources = ray.cluster_resources()
             gpus, cores = (int(resources.get(name, 0)) for name in ("GPU", "CPU"))
