@@ -116,6 +116,4 @@ Command = (
     | Annotated[Page, tyro.conf.subcommand("page")]
     | Annotated[Masks, tyro.conf.subcommand("masks")]
 )
-
-
 main = partial(run, Command, description=__doc__)

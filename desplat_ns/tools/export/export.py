@@ -39,7 +39,6 @@ from desplat_ns.tools.loading import even_subset, load_run
 from desplat_ns.training.pipeline import DeSplatPipeline
 
 WRITERS = {".ply": ply_bytes, ".spz": spz_bytes, ".glb": glb_bytes}
-
 MOST_CROP_VIEWS, SIDE, COVERED = 100, 64, 0.5
 """To find how far cameras look: training views at most, pixels of the longer side of a rendering,
 and the opacity from which a pixel shows something at a depth."""

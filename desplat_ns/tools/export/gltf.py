@@ -17,7 +17,6 @@ from desplat_ns.backend.spherical_harmonics import C0
 from desplat_ns.tools.export.splat_cloud import SplatCloud, xyzw
 
 EXTENSION = "KHR_gaussian_splatting"
-
 COMPONENTS = {np.dtype("<f4"): 5126, np.dtype("u1"): 5121}
 KINDS = {1: "SCALAR", 3: "VEC3", 4: "VEC4"}
 """glTF's numbers of component types, and its names of columns."""

@@ -30,10 +30,8 @@ from desplat_ns.training.datamanager import DeSplatDataManager
 
 WIDEST = 5.0
 """Tangent of the angle from the optical axis beyond which a pinhole is not drawn (79 degrees)."""
-
 MARGIN = 1
 """Pixels around what is seen, for interpolation at the border."""
-
 CRITERIA = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 50, 1e-9)
 """When inverting a lens model stops; OpenCV's default of 5 rounds is off by pixels in corners."""
 

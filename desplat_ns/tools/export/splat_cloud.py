@@ -25,19 +25,15 @@ from desplat_ns.tools.export.formats import Axes, Frame
 
 MAX_DEGREE = 3
 """Of the spherical harmonics that PLY, SPZ and glTF readers take."""
-
 TOO_WIDE = math.exp(MAX_LOG_SCALE) / 2
 """World units. Wider Gaussians are culled in every view."""
-
 OFF_BY = 1 / 32
 """Of its scale, by which a Gaussian's place may be off along an axis: as far as the rounding of the
 scale in SPZ, by 1/32 of its logarithm, moves the Gaussian's edge. Coarser places cost more than all
 other rounding, finer ones gain nothing (docs/results/quality.md)."""
-
 PRECISE = 0.9
 """Of the Gaussians, so many are to be in place so well, by the middle one of their three scales:
 nobody sees where along the smallest one a disc lies."""
-
 FAR = 0.01
 """Of the Gaussians, so many may lie too far away for that: more are a part of the scene."""
 

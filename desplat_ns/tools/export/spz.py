@@ -18,16 +18,12 @@ from desplat_ns.core.errors import ConfigError
 from desplat_ns.tools.export.splat_cloud import FAR, OFF_BY, SplatCloud, xyzw
 
 MAGIC, VERSION, ANTIALIASED = 0x5053474E, 3, 0x1
-
 LARGEST = 2**23 - 1
 """Of a coordinate: 24 bits, signed."""
-
 MAX_FRACTIONAL_BITS = 20
 """A millionth of a unit."""
-
 COLOR_SCALE = 0.15
 """Of zeroth coefficients, so that colours somewhat beyond [0, 1] fit into a byte."""
-
 SH_STEPS = (2, 4)
 """Of 128ths, for degree one and those above: 7 and 6 bits. The reference implementation's 5 and 4
 make a file a third smaller and, where harmonics are small as in short runs, 33 dB of 50

@@ -37,7 +37,6 @@ from desplat_ns.tools.process.request import MIN_PHOTOS, CameraModel, Request
 
 # All that pycolmap tells stands on the console else, between the bars of progress.
 pycolmap.logging.minloglevel = pycolmap.logging.FATAL.value
-
 TERMS = ((10, "RADIAL"), (3, "SIMPLE_RADIAL"), (1, "SIMPLE_PINHOLE"))
 """From so many photos of one camera on: two, one or no term of radial distortion. A term of a
 single photo takes up whatever does not fit, up to values that no lens has."""
@@ -69,8 +68,6 @@ MANY = 100
 FEW = 200
 """Observations of each photo on average below which poses are not relied on: with 130 the centres
 of ten tourists' photos were off by percents of the scene's extent, with 700 by a thousandth."""
-
-
 BENT = 0.7
 """Mean reprojection error in pixels, of photos of the plain recipe's size or smaller, above which
 poses are not relied on. Eight sets of photos have 0.25 to 0.57; with zoom, a rolling shutter or
@@ -103,7 +100,6 @@ class Recipe:
 
 PLAIN = Recipe("plain", 1000, 4096, 0.02 / 3, False, 30, 20, None)
 """Enough for most captures: photos with structure, taken close to one another."""
-
 THOROUGH = Recipe("thorough", 0, 8192, 0.002, True, 15, 40, (2.5, 2.0))
 """For gloss, bare walls and far views. Measured on 44 photos of a glossy thing, of which plain
 features at 960 pixels pose 11 and 12 apart: a lower threshold at full size poses 42, pooling and

@@ -27,7 +27,6 @@ from desplat_ns.data.photo_files import (
 Cameras = Literal["auto", "one", "folder", "photo"]
 CameraModel = Literal["auto", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "OPENCV_FISHEYE"]
 Effort = Literal["auto", "plain", "thorough"]
-
 MIN_PHOTOS = 3
 """Two photos can be posed, but there would be none to hold out."""
 MASKS = re.compile(r"(?<![a-z])masks?(?![a-z])", re.IGNORECASE)

@@ -14,14 +14,11 @@ from desplat_ns.tools.report.views import Disputed
 
 HARDLY = 0.001
 """Share of the photos. Distractors that cover less have found nothing."""
-
 MUCH = 0.5
 """Share of a photo. A median over the views, which is what separates, needs places to be free in
 most of them."""
-
 MAX_NAMES, MAX_PARTS = 5, 3
 """Photos, and photos with parts of the scene that they show alone, that are named."""
-
 DISTRACTORS = "--pipeline.model.distractors"
 FOR_LIGHT_AND_SKY = (
     "--pipeline.model.effects.appearance affine, and --pipeline.model.effects.background image for "

@@ -24,19 +24,15 @@ from desplat_ns.tools.scene.gather import scene_of
 from desplat_ns.tools.scene.page import scene_html
 
 TEMPLATE = Path(__file__).with_name("page.html.jinja")
-
 SOURCE_BYTES = 9_000_000
 """Of scene and pictures; text, and the scene's quotes written out, fit into the rest of 10 MB."""
-
 SCENE_BYTES = 5_500_000
 """Of the scene, with the pictures in it."""
-
 SURVEYED = {
     "appearance": "Appearance: a light of each photo's own",
     "background": "Background: what lies behind everything, as the sky",
 }
 """What the effects are that a survey decides, in words."""
-
 CONFIDENCE = {
     "clear": "",
     "close": " That was a close call: training with another choice may be worth a try.",

@@ -25,8 +25,6 @@ from desplat_ns.training.pipeline import DeSplatPipeline
 
 ERROR_TOP = 0.25
 """Mean difference of the colours, which are in [0, 1], that gets the brightest colour."""
-
-
 CARD, BESIDE = 0.8, 0.6
 """Of the pixels' side, what pictures as wide as a card get, and those that are half as wide."""
 

@@ -25,14 +25,11 @@ from desplat_ns.training.pipeline import DeSplatPipeline
 
 PLACES = 4_000
 """Opaque static Gaussians that are looked for in the photos, evenly chosen."""
-
 MOST_PHOTOS = 200
 """Training photos; with more, none is said to show something alone: to look at all takes minutes,
 and a part of them does not tell."""
-
 SAME_DEPTH = 0.1
 """Share of the rendered depth by which a Gaussian may lie behind it and still be seen."""
-
 MUCH = 0.1
 """Share of what a photo shows. Photos that show more than this alone are named."""
 
@@ -87,15 +84,12 @@ def alone(names: Sequence[str], shown: Bool[Tensor, "V P"]) -> dict[str, float]:
 
 CELLS = 2000
 """Cells of an image that are compared with the static scene."""
-
 MIN_VIEWS = 5
 """A place that fewer views see is not judged: chance hides it too often."""
-
 MAX_DISPUTED = 0.02
 """Share of disputed places above which a user is told. A place is disputed if more than half of the
 views that see it show something else. With objects that stand elsewhere in each photo, pasted over
 a fifth of it, the share is 0.1%, and 1% of a thin tree before a bright sky."""
-
 MAX_PLACES = 10_000
 """Static Gaussians that are judged, evenly chosen."""
 

@@ -38,20 +38,15 @@ from desplat_ns.training.pipeline import DeSplatPipeline
 
 AVERAGE = "the photos' average"
 """Whose light is shown where none was chosen."""
-
 PICTURES = 6
 """Renderings for browsers that cannot draw the scene."""
-
 MORE_LIGHTS = 3
 """Photos' lights beside the one that is shown first, evenly chosen."""
-
 WEIGHING_VIEWS = 30
 """Training views in which Gaussians are weighed, evenly chosen."""
-
 Rgb = UInt8[np.ndarray, "_ _ 3"]
 Color = tuple[float, float, float]
 """In [0, 1]."""
-
 TO_PAGE = Similarity(np.asarray(Y_UP, np.float64), 1.0, np.zeros(3))
 """From nerfstudio's coordinates to the page's, where y is up. The scale stays that of training, in
 which cameras are at most about one unit from the origin."""

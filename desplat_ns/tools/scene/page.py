@@ -30,16 +30,12 @@ IMPORT = re.compile(r"^import .*?;\n", re.MULTILINE | re.DOTALL)
 STYLE = HERE / "scene.css"
 VIEWER = HERE / "viewer" / "viewer.js.gz"
 WASM = HERE / "viewer" / "spark.wasm.gz"
-
 PICTURES_SHARE, PICTURES_MOST = 0.4, 9_000_000
 """Of the page's bytes that pictures may take, and bytes that they take at most."""
-
 BASE64 = 3 / 4
 """Bytes that a character of the page holds."""
-
 LEAST = 100
 """Gaussians: with fewer there is no scene to speak of."""
-
 MARGIN = 0.97
 """Of the bytes that are there: a reduced file's Gaussians take a little more each."""
 

@@ -19,10 +19,8 @@ from desplat_ns.tools.studies.runs import Run
 from desplat_ns.tools.studies.tradeoff import BASE, SEEDS, Study, compared
 
 TEMPLATE = Path(__file__).with_name("page.html.jinja")
-
 SIGNIFICANT = 0.05
 """A difference is claimed where p, corrected for the number of comparisons, is no larger."""
-
 COLUMNS = {
     "psnr": ("PSNR, dB", ".2f"),
     "ssim": ("SSIM", ".3f"),
@@ -34,7 +32,6 @@ COLUMNS = {
     "num_distractor_gaussians": ("distractors", ",.0f"),
 }
 """Scores in the table: their names there, and how they are written."""
-
 MARKERS = "osD^vPXhd"
 
 

@@ -22,14 +22,11 @@ from desplat_ns.core.options import LpipsNet
 from desplat_ns.evaluation.config import ProtocolName
 
 TableName = Literal["robustnerf", "on-the-go", "fig9", "A5", "A6", "A7", "A8", "A9"]
-
 RATIOS = (0.0, 0.25, 0.5, 0.75, 1.0)
 """Shares of cluttered photos. Ours: the supplement says that they are varied, not to what."""
-
 LPIPS_NET: LpipsNet = "alex"
 """The supplement names none. nerfstudio 1.1.4, on which the paper is built (B.3), calls LPIPS
 without naming one, which gives AlexNet."""
-
 MEAN = "mean"
 """The column of means over all scenes of a table."""
 
@@ -80,7 +77,6 @@ def _scenes(data_set: str, downscale: int, names: str, *reader: str) -> tuple[Pa
 
 _FIVE = "Statue:statue Android:android Crab_(1):crab1 Crab_(2):crab2 Yoda:yoda"
 ROBUSTNERF = _scenes("robustnerf", 8, _FIVE)
-
 CLUTTERED = tuple(
     replace(
         scene,
@@ -91,13 +87,11 @@ CLUTTERED = tuple(
     for scene in ROBUSTNERF[3:]
     for ratio in RATIOS
 )
-
 ON_THE_GO = (
     *_scenes("on-the-go", 8, "Mountain:mountain Fountain:fountain Corner:corner"),
     *_scenes("on-the-go", 4, "Patio:patio"),
     *_scenes("on-the-go", 8, "Spot:spot Patio-High:patio_high"),
 )
-
 PHOTO_TOURISM = tuple(
     PaperScene(
         "phototourism",
@@ -111,7 +105,6 @@ PHOTO_TOURISM = tuple(
     )
     for a, b in (("Brandenburg", "Gate"), ("Sacre", "Coeur"), ("Trevi", "Fountain"))
 )
-
 _EIGHTH = ("colmap", "--eval-mode", "interval", "--eval-interval", "8")
 _ROOMS = "room:room counter:counter kitchen:kitchen bonsai:bonsai"
 MIPNERF360 = (
@@ -143,7 +136,6 @@ _STATIC = (f"{_EFFECTS}.distractors", "False")
 _W = (*_STATIC, f"{_EFFECTS}.appearance", "sh")
 _W_A = (*_W, f"{_EFFECTS}.background", "off")
 _TOURISM, _TOURISM_A = "desplat-phototourism-paper", "desplat-phototourism-a-paper"
-
 METHODS = {
     method.name: method
     for method in (
@@ -244,7 +236,6 @@ _V100 = "The paper's are of a Tesla V100 (B.3)."
 _BOTH = (*ROBUSTNERF, *ON_THE_GO)
 _LIT = tuple(name for name, method in METHODS.items() if method.has_light)
 _A5 = (*_LIT[:3], "splatfacto", *_LIT[3:])
-
 TABLES: dict[TableName, Table] = {
     table.name: table
     for table in (

@@ -30,7 +30,6 @@ from desplat_ns.tools.studies.records import FILE, RUNS, Key, Record, conditions
 from desplat_ns.tools.studies.runs import Executor, Run
 
 TEMPLATE = Path(__file__).with_name("table.md.jinja")
-
 FIRST_SEED = 42
 
 

@@ -24,18 +24,14 @@ from desplat_ns.tools.studies.records import Key, Record, save
 
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1", "OMP_WAIT_POLICY": "passive"}
 """So that runs beside each other disturb each other little: waiting threads sleep."""
-
 QUIET = ("--experiment-name", "x", "--timestamp", "run", "--vis", "tensorboard")
 QUIET += ("--steps-per-eval-image", "0", "--steps-per-eval-all-images", "0")
 """Options of ns-train: folders of known names, no viewer, no evaluation on the way."""
-
 PROGRAM = "desplat_ns.tools.studies.train_and_score"
 RESULTS, LOG, PICTURES = "results.json", "run.log", "pictures"
 """In the folder of a run; pictures are the held-out photos with the renderings beside them."""
-
 RAY = "RAY_ADDRESS"
 """Environment variable: Ray's own, of a cluster; without it Ray is started here."""
-
 PARENT = "DESPLAT_NS_PARENT"
 """Environment variable: the process with which a training is to end."""
 
@@ -78,7 +74,6 @@ class Run:
 Train = Callable[[str, list[str], Path], dict[str, Any]]
 """Trains and scores a method with options; RESULTS, LOG and PICTURES come into a folder. Returns
 the results, which are those of `train_and_score`."""
-
 Do = Callable[[Run, Path], Record]
 """Does a run in a folder; see `execute`."""
 

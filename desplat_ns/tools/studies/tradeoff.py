@@ -20,24 +20,18 @@ from desplat_ns.tools.studies.runs import Executor, Run
 
 BASE = "desplat"
 """The method whose options are varied, and its variant of all defaults."""
-
 SEEDS = (42, 43, 44)
 """A difference is claimed only where all were measured: `page.verdicts`."""
-
 LADDER = (0.25, 0.5, 1.0, 2.0, 4.0)
 """Lengths of the base's runs, in lengths of the comparison."""
-
 SHORTEST = 125
 """Steps of the first run, from whose time the others' is guessed. The length of the comparison is
 this number, doubled some times."""
-
 WANTED = 500
 """Steps of a comparison up to which one seed has to do: of shorter runs little can be learned."""
-
 GROWTH = 1.5
 """A step of a longer run is expected to take this many times one of the first run, until a longer
 one is done: there are more Gaussians."""
-
 GRADES: tuple[AppearanceGrade, ...] = ("off", "camera", "affine")
 
 
