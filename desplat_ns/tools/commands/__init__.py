@@ -42,8 +42,7 @@ def run(command: Any, **options: Any) -> None:
 
 
 def _say_what_begins(name: str, options: Any) -> None:
-    """Say in a line what a command does, by the help of its options: what it needs may take many
-    seconds to import."""
+    """Say in a line what a command does, by its help: imports may take many seconds."""
     what, _, _ = " ".join(str(options.__doc__).split()).partition(". ")
     announce(f"{name}: {what.rstrip('.')}.")
 

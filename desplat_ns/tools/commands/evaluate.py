@@ -46,8 +46,7 @@ class Evaluate(OfRun):
     """Replace the figures if they are there, and write into a folder that is not empty."""
 
     def main(self) -> None:
-        """Evaluate and write. Raises ConfigError where a path cannot be or is taken, or an option
-        is of no use here."""
+        """Evaluate and write. Raises ConfigError where a path cannot be or is taken."""
         files, pictures = self.find(), self.render_output_path
         check_new_file(self.output_path, self.overwrite, "--output-path")
         if pictures is not None:

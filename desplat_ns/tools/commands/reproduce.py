@@ -39,8 +39,7 @@ class Arguments:
     seeds: int = ranged(1, "[1, inf)")
     """Trainings of each method on each scene, whose figures are averaged."""
     executor: Literal["local", "ray"] = "local"
-    """Where trainings are done: here, or on Ray: on the cluster that RAY_ADDRESS names, if it is
-    set."""
+    """Where trainings are done: here, or on Ray: on the cluster that RAY_ADDRESS names, if any."""
     jobs: int = ranged(1, "[1, inf)")
     """Trainings beside each other. Times and speeds (A8, A9) are to be measured alone."""
     smoke: bool = False

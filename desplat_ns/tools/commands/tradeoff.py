@@ -34,14 +34,12 @@ class Arguments:
     time: str = "30min"
     """Wall time for the whole study, earlier sessions included."""
     output: Path = Path("tradeoff")
-    """Folder for the report, records.jsonl and what is trained. What is there already is gone on
-    with."""
+    """Folder for the report, records.jsonl and the runs. What is there already is gone on with."""
     jobs: int = ranged(0, "[0, inf)")
     """Trainings beside each other, one thread each; 0: one on a GPU, else one for each core, eight
     at most."""
     executor: Literal["local", "ray"] = "local"
-    """Where trainings are done: here, or on Ray: on the cluster that RAY_ADDRESS names, if it is
-    set."""
+    """Where trainings are done: here, or on Ray: on the cluster that RAY_ADDRESS names, if any."""
 
     def main(self, parser: tuple[str, ...]) -> None:
         """Check what can be checked at once, then measure by a data parser of this name and

@@ -107,8 +107,7 @@ def baked(splats: Splats, antialiased: bool) -> SplatCloud:
 
 
 def harmonics_of(splats: Splats) -> Float[np.ndarray, "N K 3"]:
-    """Coefficients as a file holds them: without those that are not evaluated yet, and those above
-    degree `MAX_DEGREE`."""
+    """Coefficients as files hold them: those that are evaluated yet, up to degree `MAX_DEGREE`."""
     splats = as_harmonics(splats)
     assert splats.sh_degree is not None
     bases = (min(splats.sh_degree, MAX_DEGREE) + 1) ** 2

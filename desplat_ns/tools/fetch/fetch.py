@@ -1,5 +1,4 @@
-"""Fetch a data set: what is missing of it is downloaded, going on where a download ended, and
-unpacked."""
+"""Fetch a data set: download what is missing, from where a download ended on, and unpack it."""
 
 from __future__ import annotations
 

@@ -224,8 +224,7 @@ def find_features(database: Path, copies: Path, recipe: Recipe) -> dict[str, int
 
 
 def in_blocks(items: Sequence[Any], at_once: int, label: str) -> Iterator[Sequence[Any]]:
-    """So many items for each core at a time, with a bar on the console: few, so that progress is
-    seen and a kill costs little."""
+    """So many items for each core at a time, with a bar: few, so that a kill costs little."""
     size = at_once * cores()
     with progress_with_time_left(label) as show:
         for start in range(0, len(items), size):
@@ -244,8 +243,7 @@ def feature_counts(database: Path) -> dict[str, int]:
 
 
 def match_photos(database: Path, is_video: bool, recipe: Recipe) -> None:
-    """Match pairs of photos and verify them by epipolar geometry; those that are matched already
-    are passed over."""
+    """Match pairs of photos that are not matched yet, and verify them by epipolar geometry."""
     options = pycolmap.FeatureMatchingOptions()
     options.num_threads = cores()
     options.guided_matching = recipe.careful

@@ -1,5 +1,4 @@
-"""What a call of `desplat-process` asks for, and which photos or video it names. Imports nothing
-that takes time."""
+"""What a call of `desplat-process` asks for, and which photos it names. Imported at once."""
 
 from __future__ import annotations
 
@@ -128,8 +127,7 @@ def find_photos(photos: Path, output: Path, mask: Path | None = None) -> list[st
 
 
 def masks_among(names: Sequence[str]) -> list[str]:
-    """Pictures in folders called masks that are named as one elsewhere: `masks/a.png` or
-    `masks/a.jpg.png` for `a.jpg`."""
+    """Pictures in folders called masks, such as `masks/a.png` or `masks/a.jpg.png` for `a.jpg`."""
     paths = [PurePosixPath(name) for name in names]
     called = [path for path in paths if MASKS.search(str(path.parent))]
     others = {key for path in {*paths} - {*called} for key in (path.name, path.stem)}

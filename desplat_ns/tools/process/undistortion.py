@@ -69,8 +69,7 @@ def undistort(request: Request, model: Model, photos: Sequence[Photo]) -> None:
 
 
 def draw_from_above(model: pycolmap.Reconstruction, target: Path) -> None:
-    """Draw where a model's cameras are, where they look, and its points: all cameras and most
-    points are in the picture."""
+    """Draw all cameras of a model, where they look, and most of its points."""
     images = [model.image(i) for i in model.reg_image_ids()]
     poses = np.array([image.cam_from_world().matrix() for image in images])
     up = -poses[:, 1, :3].mean(axis=0)

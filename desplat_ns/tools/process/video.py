@@ -86,8 +86,7 @@ def look_at(video: Path) -> list[Frame]:
 
 
 def motion(first: UInt8[np.ndarray, "H W"], second: UInt8[np.ndarray, "H W"]) -> float:
-    """How far the picture moves between two frames: the median of optical flow where the first one
-    has most texture, in widths."""
+    """Median of the optical flow between two frames where the first has most texture, in widths."""
     flow = cv2.calcOpticalFlowFarneback(
         first, second, np.zeros((*first.shape, 2), np.float32), 0.5, 3, 15, 2, 5, 1.2, 0
     )
@@ -109,8 +108,7 @@ def choose(frames: Sequence[Frame], most: int) -> list[Frame]:
 
 
 def pixel_aspect(video: Path) -> float:
-    """Width of a pixel over its height, in upright frames; 1 where the file does not say, or says
-    what no video has."""
+    """Width of a pixel over its height, in upright frames; 1 where the file says nothing likely."""
     file = cv2.VideoCapture(str(video), cv2.CAP_FFMPEG)
     wide, high = file.get(cv2.CAP_PROP_SAR_NUM), file.get(cv2.CAP_PROP_SAR_DEN)
     if file.get(cv2.CAP_PROP_ORIENTATION_META) % 180 == 90:

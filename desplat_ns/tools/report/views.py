@@ -124,8 +124,7 @@ def unlike_in(
     static: Float[Tensor, "H W 3"],
     by: Thresholds,
 ) -> Unlike:
-    """How a photo differs from the static scene in the photo's light, both in [0, 1]; under the
-    user's mask they are the same."""
+    """How a photo differs from the static scene in the photo's light, both in [0, 1]."""
     covered = (alpha_d.detach() > MASK_THRESHOLD).float()
     unlike = region_pixels(differences(photo, static, by).float(), view.height, view.width)
     cells = pooled(torch.maximum(covered, unlike), grid_of(view.width, view.height, CELLS))[0]

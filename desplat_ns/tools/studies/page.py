@@ -1,5 +1,4 @@
-"""The page of a study: medians over seeds, which differences are real, a plot; one HTML file that
-needs no other."""
+"""The page of a study: medians over seeds, which differences are real, and a plot."""
 
 from __future__ import annotations
 
@@ -7,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from itertools import cycle
 from pathlib import Path
 from statistics import fmean, median
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from scipy.stats import ttest_1samp
@@ -33,28 +32,24 @@ COLUMNS = {
 }
 """Scores in the table: their names there, and how they are written."""
 MARKERS = "osD^vPXhd"
+Scores = Mapping[int, Mapping[str, Any]]
+"""By seed."""
+Point = tuple[str, int]
+"""A variant and a length."""
 
 
-class Measured(NamedTuple):
-    """A variant at a length, and its scores by seed."""
-
-    variant: str
-    steps: int
-    scores: Mapping[int, Mapping[str, Any]]
-
-    def values(self, name: str) -> list[float | int]:
-        """A score of each seed that has it."""
-        return [row[name] for row in self.scores.values() if name in row]
-
-
-def measured(runs: Iterable[Run], records: Mapping[Key, Record]) -> list[Measured]:
+def measured(runs: Iterable[Run], records: Mapping[Key, Record]) -> dict[Point, Scores]:
     """What has a record of at least one seed: the base's lengths, then the other variants."""
-    scores: dict[tuple[str, int], dict[int, Mapping[str, Any]]] = {}
-    for run in runs:
+    points: dict[Point, dict[int, Mapping[str, Any]]] = {}
+    for run in sorted(runs, key=lambda run: (run.variant != BASE, run.steps)):
         if (record := records.get(run.key)) is not None:
-            scores.setdefault((run.variant, run.steps), {})[run.seed] = record.scores
-    points = [Measured(*cell, by_seed) for cell, by_seed in scores.items()]
-    return sorted(points, key=lambda point: (point.variant != BASE, point.steps))
+            points.setdefault((run.variant, run.steps), {})[run.seed] = record.scores
+    return dict(points)
+
+
+def values(scores: Scores, name: str) -> list[float | int]:
+    """A score of each seed that has it."""
+    return [row[name] for row in scores.values() if name in row]
 
 
 def corrected(p_values: Sequence[float] | np.ndarray) -> list[float]:
@@ -65,45 +60,47 @@ def corrected(p_values: Sequence[float] | np.ndarray) -> list[float]:
     return np.maximum.accumulate(raised).clip(max=1.0)[np.argsort(order)].tolist()
 
 
-def verdicts(points: Sequence[Measured]) -> list[str]:
-    """What may be said of each point against the base at as many steps, in their order, by a paired
-    t-test; empty where there is nothing to compare it with."""
-    base = {point.steps: point.scores for point in points if point.variant == BASE}
-    gains: list[list[float]] = []
-    for point in points:
-        theirs = {} if point.variant == BASE else base.get(point.steps, {})
-        common = [seed for seed in point.scores if seed in theirs]
-        gains.append([point.scores[seed]["psnr"] - theirs[seed]["psnr"] for seed in common])
-    tested = [i for i, pairs in enumerate(gains) if len(pairs) == len(SEEDS)]
-    found = [ttest_1samp(gains[i], 0.0)[1] for i in tested]  # NaN where all are 0
-    p_values = dict(zip(tested, corrected(np.nan_to_num(found, nan=1.0)), strict=True))
+def verdicts(points: Mapping[Point, Scores]) -> dict[Point, str]:
+    """What may be said of each point against the base at as many steps, by a paired t-test; empty
+    where there is nothing to compare it with."""
+    gains, p_values = dict[Point, list[float]](), dict[Point, float]()
+    for (variant, steps), scores in points.items():
+        base = {} if variant == BASE else points.get((BASE, steps), {})
+        common = [seed for seed in scores if seed in base]
+        gains[variant, steps] = [scores[seed]["psnr"] - base[seed]["psnr"] for seed in common]
+    tested = [point for point, pairs in gains.items() if len(pairs) == len(SEEDS)]
+    found = [ttest_1samp(gains[point], 0.0)[1] for point in tested]  # NaN where all are 0
+    p_values |= zip(tested, corrected(np.nan_to_num(found, nan=1.0)), strict=True)
 
-    def verdict(i: int) -> str:
-        if not gains[i]:
+    def verdict(point: Point) -> str:
+        if not gains[point]:
             return ""
-        said, p = f"{fmean(gains[i]):+.2f} dB", p_values.get(i)
+        said, p = f"{fmean(gains[point]):+.2f} dB", p_values.get(point)
         if p is None:
-            return f"{said}, {len(gains[i])} of {len(SEEDS)} seeds: no claim"
+            return f"{said}, {len(gains[point])} of {len(SEEDS)} seeds: no claim"
         value = "p < 0.001" if p < 0.001 else f"p = {p:.2g}"
         return f"{said}, {value}" if p <= SIGNIFICANT else f"{said}, not told apart ({value})"
 
-    return [verdict(i) for i in range(len(gains))]
+    return {point: verdict(point) for point in points}
 
 
 def write_page(study: Study) -> Path:
     """Write the page; where it is. Raises ConfigError where it cannot."""
     page, points = study.output / "report.html", measured(study.planned, study.records)
     with plain_errors(study.output):
-        text = template(TEMPLATE, spread=spread).render(
+        text = template(TEMPLATE, spread=spread, values=values).render(
             study=study,
             left_out=[run.name for run in study.missing if run.name not in study.failed],
             seeds=len(SEEDS),
             significant=SIGNIFICANT,
             columns={
-                name: of for name, of in COLUMNS.items() if any(p.values(name) for p in points)
+                name: of
+                for name, of in COLUMNS.items()
+                if any(values(scores, name) for scores in points.values())
             },
             variants=compared(study.effects),
-            rows=list(zip(points, verdicts(points), strict=True)),
+            points=points,
+            verdicts=verdicts(points),
             plot=drawn(points),
             conditions=conditions_of(study.records.values()),
         )
@@ -119,16 +116,15 @@ def spread(values: Sequence[float | int], form: str) -> str:
     return f"{text} ({min(values):{form}} to {max(values):{form}})" if len(values) > 1 else text
 
 
-def drawn(points: Sequence[Measured]) -> str:
+def drawn(points: Mapping[Point, Scores]) -> str:
     """PSNR over the training time, a mark for each training, as SVG for the page."""
     with chart("training", (6.6, 4.4)) as axes:
         axes.set(xlabel="training time, s of wall time", ylabel="PSNR of right halves, dB")
         plain_logarithmic(axes.xaxis)
-        variants = dict.fromkeys(point.variant for point in points)
-        for variant, marker in zip(variants, cycle(MARKERS)):
-            mine = [point for point in points if point.variant == variant]
-            x = [value for point in mine for value in point.values("train_wall_seconds")]
-            y = [value for point in mine for value in point.values("psnr")]
+        for variant, marker in zip(dict.fromkeys(name for name, _ in points), cycle(MARKERS)):
+            mine = [scores for (name, _), scores in points.items() if name == variant]
+            x = [value for scores in mine for value in values(scores, "train_wall_seconds")]
+            y = [value for scores in mine for value in values(scores, "psnr")]
             axes.plot(x, y, marker, alpha=0.6, label=variant)
         axes.legend(frameon=False, fontsize=8, ncols=2)
         return inline_svg(svg_of(axes))

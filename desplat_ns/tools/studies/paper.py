@@ -11,7 +11,8 @@ minutes:seconds. The mean of Splatfacto's eleven figures of A9 is 94.10; the pap
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, reduce
 from pathlib import Path
@@ -40,8 +41,6 @@ class PaperScene:
 
     data_set: str
     """Also the folder that `desplat-fetch-data` makes for the data set."""
-    fetch: str
-    """What `desplat-fetch-data` calls the download that holds it."""
     name: str
     """As the paper calls it."""
     folder: str
@@ -54,10 +53,14 @@ class PaperScene:
     """Which pixels, and in which light; `half` becomes `right` for models without light."""
     steps: int = 30_000
     """Of every method; B.3 gives them for DeSplat."""
-    key: str = ""
-    """In the names of its runs; by default the folder."""
     place: Path = Path()
     """Where the folder lies here, once it is found."""
+
+    @property
+    def fetch(self) -> str:
+        """What `desplat-fetch-data` calls the download that holds it."""
+        one_by_one = self.data_set == "phototourism"
+        return self.folder.replace("_", "-") if one_by_one else self.data_set
 
     @property
     def parser(self) -> tuple[str, ...]:
@@ -66,51 +69,41 @@ class PaperScene:
         return (*self.reader, *smaller)
 
 
-def _scenes(data_set: str, downscale: int, names: str, *reader: str) -> tuple[PaperScene, ...]:
-    """Scenes from words `Name:folder`."""
-    pairs = (word.replace("_(", " (").split(":") for word in names.split())
+def _scenes(data_set: str, downscale: int | None, names: str, *reader: str) -> list[PaperScene]:
+    """Scenes `A, B (1)`, whose folders are called `a` and `b1`."""
     reader = reader or (f"{data_set}-data",)
-    return tuple(
-        PaperScene(data_set, data_set, name, folder, reader, downscale) for name, folder in pairs
-    )
+    folders = {name: re.sub(r" \((\d)\)", r"\1", name).lower() for name in names.split(", ")}
+    return [
+        PaperScene(data_set, name, re.sub("[ -]", "_", folder), reader, downscale)
+        for name, folder in folders.items()
+    ]
 
 
-_FIVE = "Statue:statue Android:android Crab_(1):crab1 Crab_(2):crab2 Yoda:yoda"
-ROBUSTNERF = _scenes("robustnerf", 8, _FIVE)
-CLUTTERED = tuple(
+ROBUSTNERF = _scenes("robustnerf", 8, "Statue, Android, Crab (1), Crab (2), Yoda")
+CLUTTERED = [
     replace(
         scene,
         name=f"{scene.name}, {ratio:.0%} cluttered",
         reader=(*scene.reader, "--train-split-clean-clutter-ratio", str(ratio)),
-        key=f"{scene.folder}-{100 * ratio:.0f}",
     )
     for scene in ROBUSTNERF[3:]
     for ratio in RATIOS
-)
-ON_THE_GO = (
-    *_scenes("on-the-go", 8, "Mountain:mountain Fountain:fountain Corner:corner"),
-    *_scenes("on-the-go", 4, "Patio:patio"),
-    *_scenes("on-the-go", 8, "Spot:spot Patio-High:patio_high"),
-)
-PHOTO_TOURISM = tuple(
-    PaperScene(
-        "phototourism",
-        f"{a}-{b}".lower(),
-        f"{a} {b}",
-        f"{a}_{b}".lower(),
-        ("photo-tourism-data",),
-        downscale=None,
-        scoring="half",
-        steps=200_000,  # B.3
-    )
-    for a, b in (("Brandenburg", "Gate"), ("Sacre", "Coeur"), ("Trevi", "Fountain"))
-)
+]
+ON_THE_GO = [
+    *_scenes("on-the-go", 8, "Mountain, Fountain, Corner"),
+    *_scenes("on-the-go", 4, "Patio"),
+    *_scenes("on-the-go", 8, "Spot, Patio-High"),
+]
+_TOURISM_NAMES = "Brandenburg Gate, Sacre Coeur, Trevi Fountain"
+PHOTO_TOURISM = [
+    replace(scene, scoring="half", steps=200_000)  # B.3
+    for scene in _scenes("phototourism", None, _TOURISM_NAMES, "photo-tourism-data")
+]
 _EIGHTH = ("colmap", "--eval-mode", "interval", "--eval-interval", "8")
-_ROOMS = "room:room counter:counter kitchen:kitchen bonsai:bonsai"
-MIPNERF360 = (
-    *_scenes("mipnerf360", 4, "bicycle:bicycle garden:garden stump:stump", *_EIGHTH),
-    *_scenes("mipnerf360", 2, _ROOMS, *_EIGHTH),
-)
+MIPNERF360 = [
+    *_scenes("mipnerf360", 4, "bicycle, garden, stump", *_EIGHTH),
+    *_scenes("mipnerf360", 2, "room, counter, kitchen, bonsai", *_EIGHTH),
+]
 
 
 # --- methods -------------------------------------------------------------------------------------
@@ -221,7 +214,7 @@ class Table:
 
     name: TableName
     title: str
-    scenes: tuple[PaperScene, ...]
+    scenes: Sequence[PaperScene]
     """In the order of the columns."""
     metrics: tuple[Metric, ...]
     note: str = ""

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
@@ -34,8 +35,7 @@ FIRST_SEED = 42
 
 
 class Smoke(NamedTuple):
-    """How a run is cut short that tries everything and measures nothing: steps, and pixels of the
-    longer side that photos have at most."""
+    """How a run is cut short that measures nothing: steps, and pixels of the longer side."""
 
     steps: int = 100
     side: int = 160
@@ -77,7 +77,9 @@ def run_of(scene: PaperScene, method: Method, seed: int, smoke: Smoke | None = N
         protocol = "right" if has_no_light else scene.scoring
         options += ("--pipeline.evaluation.protocol", protocol)
         options += ("--pipeline.evaluation.lpips-net", LPIPS_NET)
-    variant = f"{scene.data_set}.{scene.key or scene.folder}.{method.name}"
+    variant = (
+        f"{scene.data_set}.{re.sub('[^a-z0-9]+', '-', scene.name.lower()).strip('-')}.{method.name}"
+    )
     return Run(variant, method.method, options, steps, seed, scene.place, scene.parser)
 
 
@@ -128,9 +130,6 @@ def reproduce(
             "table without them; the same command tries them again."
         )
     return folder
-
-
-# --- scenes --------------------------------------------------------------------------------------
 
 
 def find_contents(
@@ -189,8 +188,6 @@ def smaller(scene: PaperScene, side: int) -> PaperScene:
     return replace(scene, downscale=2 ** max(0, math.ceil(math.log2(longest / side))))
 
 
-# --- the table -----------------------------------------------------------------------------------
-
 Cell = dict[str, Any]
 """A figure of a method on a scene or on `MEAN`: `scene`, `method`, `metric`, `values` (one for each
 seed that is done), `mean`, `paper`, `difference` (ours less the paper's). The last two are None
@@ -198,8 +195,7 @@ where the paper has no figure, and in a smoke run."""
 
 
 def cells_of(grid: Grid, records: dict[Key, Record]) -> dict[tuple[str, str, str], Cell]:
-    """All figures that there are, and their means where a seed has all scenes of the table; by
-    metric, method and scene."""
+    """All figures, and means where a seed has all scenes; by metric, method and scene."""
     scenes = [scene.name for scene in grid.scenes]
     is_whole = grid.smoke is not None or not grid.missing
 

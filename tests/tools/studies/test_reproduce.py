@@ -108,7 +108,7 @@ def test_tables_of_the_same_runs_share_them(made, tmp_path: Path):
 
 
 def test_what_fails_is_named_and_tried_again(made, tmp_path: Path):
-    failing, again = Counting(failing="sacre_coeur.splatfacto-w-a"), Counting()
+    failing, again = Counting(failing="sacre-coeur.splatfacto-w-a"), Counting()
     with pytest.raises(DeSplatError, match="splatfacto-w-a"):
         made("A5", tmp_path / "out", failing)
     assert "too dark" in (tmp_path / "out" / "A5" / "table.md").read_text()

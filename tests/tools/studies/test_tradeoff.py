@@ -13,7 +13,7 @@ from desplat_ns.core.effects import Effects
 from desplat_ns.core.errors import ConfigError, DeSplatError
 from desplat_ns.tools.studies import tradeoff as module
 from desplat_ns.tools.studies.methods import parse
-from desplat_ns.tools.studies.page import Measured, corrected, verdicts, write_page
+from desplat_ns.tools.studies.page import corrected, verdicts, write_page
 from desplat_ns.tools.studies.records import FILE, Record, load, open_records
 from desplat_ns.tools.studies.runs import Executor, Run
 from desplat_ns.tools.studies.tradeoff import (
@@ -175,20 +175,26 @@ def test_another_session_goes_on_with_what_is_missing(sit: Sit, time: Time, tmp_
 # --- what may be claimed -------------------------------------------------------------------------
 
 
-def point(*psnr: float, variant: str = "other") -> Measured:
-    scores = ({"psnr": value} for value in psnr)
-    return Measured(variant, 100, dict(zip(SEEDS, scores, strict=False)))
+def scores(*psnr: float) -> dict[int, dict[str, float]]:
+    return {seed: {"psnr": value} for seed, value in zip(SEEDS, psnr, strict=False)}
+
+
+def said(*others: dict[int, dict[str, float]], steps: int = 100) -> list[str]:
+    """Of variants beside the base, of 100 steps."""
+    points = {(BASE, 100): scores(20.0, 20.1, 20.2)}
+    found = verdicts(points | {(f"{i}", steps): other for i, other in enumerate(others)})
+    assert found.pop((BASE, 100)) == ""
+    return [*found.values()]
 
 
 def test_a_difference_is_claimed_of_three_seeds_and_for_the_number_of_comparisons():
     """t = 0.3 sqrt(3) / 0.1 = 5.2: p = 0.035 alone, 0.28 as one of eight."""
-    base, apart = point(20.0, 20.1, 20.2, variant=BASE), point(20.3, 20.5, 20.4)
-    assert verdicts([base, apart]) == ["", "+0.30 dB, p = 0.035"]
-    assert verdicts([base, *[apart] * 8])[1:] == ["+0.30 dB, not told apart (p = 0.28)"] * 8
-    claims = verdicts([base, apart, point(25.0)])
-    assert claims[1:] == ["+0.30 dB, p = 0.035", "+5.00 dB, 1 of 3 seeds: no claim"]
-    assert verdicts([apart]) == [""], "there is no base to compare it with"
-    assert verdicts([base, base._replace(variant="same")])[1].endswith("not told apart (p = 1)")
+    apart = scores(20.3, 20.5, 20.4)
+    assert said(apart) == ["+0.30 dB, p = 0.035"]
+    assert said(*[apart] * 8) == ["+0.30 dB, not told apart (p = 0.28)"] * 8
+    assert said(apart, scores(25.0)) == ["+0.30 dB, p = 0.035", "+5.00 dB, 1 of 3 seeds: no claim"]
+    assert said(apart, steps=200) == [""], "there is no base to compare it with"
+    assert said(scores(20.0, 20.1, 20.2)) == ["+0.00 dB, not told apart (p = 1)"]
 
 
 def test_holms_correction_is_as_worked_out_by_hand():
