@@ -6,8 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from desplat_ns.core.effects import Effects
 from desplat_ns.core.pages import Picture
-from desplat_ns.tools.report.notices import Notice
+from desplat_ns.distractors.config import DistractorConfig
 from desplat_ns.tools.report.pictures import ShownPhoto
 
 
@@ -51,9 +52,14 @@ def contents(**changes: Any) -> dict[str, Any]:
         "steps": 2000,
         "num_photos": 3,
         "counts": {"num_static_gaussians": 1200, "num_distractor_gaussians": 340},
-        "notices": [Notice("Each photo was seen 5 times.", "Try --max-num-iterations 9000.")],
+        "planned": 2000,
+        "distractors": DistractorConfig(start="residual"),
+        "disputed": None,
+        "alone": {"photo_1.png": 0.2},
         "training": [training_photo(f"photo_{number}.png") for number in range(3)],
         "held_out": [held_out_photo("extra.png")],
         "results": {"psnr": 25.0, "ssim": 0.9, "num_images": 1, "protocol": "full image"},
-        "reasons": [("Distractors", "on", "Something is in the way.")],
+        "effects": Effects(True, "camera", "off"),
+        "survey": None,
+        "in_the_way": ["a.jpg", "b.jpg"],
     } | changes

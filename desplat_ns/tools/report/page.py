@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import json
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
+from statistics import fmean
 from typing import Any
 
 from desplat_ns.core.console import announce, list_names
-from desplat_ns.core.effects import Effects
 from desplat_ns.core.errors import CaptureError, ConfigError
 from desplat_ns.core.pages import fitted_into, template
 from desplat_ns.core.run_files import SURVEY, RunFiles
@@ -17,8 +17,7 @@ from desplat_ns.core.whole import plain_errors, write_whole
 from desplat_ns.evaluation.config import in_words
 from desplat_ns.evaluation.evaluate import gaussian_counts
 from desplat_ns.tools.loading import LoadedRun, even_subset, load_run
-from desplat_ns.tools.report.notices import notices
-from desplat_ns.tools.report.pictures import ERROR_TOP, held_out_photos, training_photos
+from desplat_ns.tools.report.pictures import ERROR_TOP, held_out_photos, marked, training_photos
 from desplat_ns.tools.report.views import disputed_places, seen_alone
 from desplat_ns.tools.scene.gather import scene_of
 from desplat_ns.tools.scene.page import scene_html
@@ -28,17 +27,11 @@ SOURCE_BYTES = 9_000_000
 """Of scene and pictures; text, and the scene's quotes written out, fit into the rest of 10 MB."""
 SCENE_BYTES = 5_500_000
 """Of the scene, with the pictures in it."""
-SURVEYED = {
-    "appearance": "Appearance: a light of each photo's own",
-    "background": "Background: what lies behind everything, as the sky",
-}
-"""What the effects are that a survey decides, in words."""
-CONFIDENCE = {
-    "clear": "",
-    "close": " That was a close call: training with another choice may be worth a try.",
-    "none": " It could not be told; this is the safe side.",
-}
-NO_SURVEY = "As given, or the method's default: there is no record of a survey of the photos."
+HARDLY = 0.001
+"""Share of the photos. Distractors that cover less have found nothing."""
+MUCH = 0.5
+"""Share of a photo. A median over the views, which is what separates, needs places to be free in
+most of them."""
 
 
 def write_report(
@@ -62,32 +55,31 @@ def write_report(
 
 
 def shown_of(run: LoadedRun, most_training: int, most_held_out: int) -> dict[str, Any]:
-    """All that the page of a run shows, by the template's names: `config` is the path of config.yml
-    as a shell takes it, `results` is empty without an evaluation. Raises as `training_photos` and
+    """All that the page of a run shows, by the template's names. Raises as `training_photos` and
     `held_out_photos`."""
     config, pipeline = run.config, run.pipeline
     model, manager = pipeline.model, pipeline.datamanager
     num_photos = len(manager.train_image_names)
     photos = list(training_photos(pipeline, even_subset(num_photos, most_training)))
     results, held_out = held_out_photos(pipeline, most_held_out)
-    survey, in_the_way = read_survey(run.files.folder / SURVEY), model.photos_with_distractors()
-    distractors = None if model.layer is None else model.layer.config
-    disputed = disputed_places(model.means, [p.unlike for p in photos if p.unlike is not None])
-    planned = None if config.budget else config.max_num_iterations
-    alone = seen_alone(pipeline)
     return {
         "experiment": str(config.experiment_name),
         "method": str(config.method_name),
         "capture": str(config.pipeline.datamanager.data or ""),
         "config": shlex.quote(str(run.files.config)),
         "steps": run.steps,
+        "planned": None if config.budget else config.max_num_iterations,
         "num_photos": num_photos,
         "counts": gaussian_counts(model.gauss_params, model.distractors),
-        "notices": [*notices(run.steps, planned, photos, distractors, disputed, alone)],
         "training": photos,
         "held_out": held_out,
-        "results": results,
-        "reasons": effect_reasons(model.effects, survey, num_photos, in_the_way),
+        "results": results,  # empty where none are held out
+        "distractors": None if model.layer is None else model.layer.config,
+        "disputed": disputed_places(model.means, [p.unlike for p in photos if p.unlike]),
+        "alone": seen_alone(pipeline),
+        "effects": model.effects,
+        "survey": read_survey(run.files.folder / SURVEY),
+        "in_the_way": model.photos_with_distractors(),
     }
 
 
@@ -99,44 +91,28 @@ def read_survey(path: Path) -> dict[str, Any] | None:
         return None
 
 
-def effect_reasons(
-    effects: Effects, survey: Mapping[str, Any] | None, num_photos: int, in_the_way: Sequence[str]
-) -> list[tuple[str, str, str]]:
-    """What every effect of the trained model is, its grade, and why. `survey` is what `read_survey`
-    gave, `in_the_way` the names of those of the training photos that have distractors."""
-    names = list_names(in_the_way) or "nothing was found in the way"
-    found = f"In {len(in_the_way):,} of {num_photos:,} photos: {names}."
-    value, why = ("on", found) if effects.distractors else ("off", "As given.")
-    reasons = [("Distractors: what is in the way in one photo only", value, why)]
-    for effect, title in SURVEYED.items():
-        grade, why = getattr(effects, effect), NO_SURVEY
-        if survey is not None:
-            finding = survey[effect]
-            why = finding["reason"] + CONFIDENCE[finding["confidence"]]
-            if finding["decision"] != grade:
-                said = f"{finding['decision']}: {finding['reason']}"
-                why = f"As given. The survey of the photos would have said {said}"
-        reasons.append((title, grade, why))
-    return reasons
-
-
 def report_html(shown: Mapping[str, Any], scene: str = "") -> str:
     """The page of what `shown_of` gave, with that of the scene itself on top, if any. Of training
     photos those that distractors cover most come first. Raises ConfigError where there are too many
     pictures for `SOURCE_BYTES`."""
     training = sorted(shown["training"], key=lambda photo: -(photo.covered or 0.0))
-    photos = [*training, *shown["held_out"]]
-    told = [one.picture for one in shown["notices"] if one.picture is not None]
+    photos, disputed = [*training, *shown["held_out"]], shown["disputed"]
+    first = [photo for photo in training if disputed and photo.name == disputed.names[0]]
+    told = [marked(photo, disputed.where) for photo in first]
     of_photos = [picture for photo in photos for picture in photo.pictures.values()]
     sources = iter(fitted_into([*told, *of_photos], SOURCE_BYTES - len(scene)))
-    noticed = [(one, next(sources) if one.picture is not None else "") for one in shown["notices"]]
+    where = next(sources) if told else ""
     drawn = [(photo, {name: next(sources) for name in photo.pictures}) for photo in photos]
-    return template(TEMPLATE, in_words=in_words).render(
+    shares = [photo.covered or 0.0 for photo in training]
+    return template(TEMPLATE, in_words=in_words, list_names=list_names).render(
         page=shown,
         scene=scene,
         training=drawn[: len(training)],
-        num_covered=sum(bool(photo.covered) for photo in training),
+        num_covered=sum(map(bool, shares)),
+        hidden=[photo.name for photo in training if (photo.covered or 0.0) > MUCH],
+        much=f"{MUCH:.0%}",
+        found_nothing=bool(shares) and fmean(shares) <= HARDLY,
         held_out=drawn[len(training) :],
-        notices=noticed,
+        where=where,
         error_top=f"{ERROR_TOP:.0%}",
     )

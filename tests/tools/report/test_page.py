@@ -62,7 +62,8 @@ def test_names_are_text_whatever_is_in_them():
         capture=EVIL,
         training=[training_photo(EVIL)],
         held_out=[held_out_photo(EVIL)],
-        notices=[replace(contents()["notices"][0], what=EVIL, advice=EVIL)],
+        alone={EVIL: 0.5},
+        in_the_way=[EVIL],
         config=EVIL,
     )
     html = report_html(evil)
@@ -73,7 +74,7 @@ def test_names_are_text_whatever_is_in_them():
 
 def test_a_run_that_scored_nothing_has_a_page():
     plain = [plain_photo("a.jpg")]
-    empty = contents(training=plain, notices=[], held_out=[], results={}, num_photos=1700)
+    empty = contents(training=plain, alone={}, held_out=[], results={}, num_photos=1700)
     assert len(Tags(report_html(empty)).of("img")) == 2
 
 
