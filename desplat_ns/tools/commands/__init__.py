@@ -41,12 +41,6 @@ def run(command: Any, **options: Any) -> None:
     parsed.main()
 
 
-def _say_what_begins(name: str, options: Any) -> None:
-    """Say in a line what a command does, by its help: imports may take many seconds."""
-    what, _, _ = " ".join(str(options.__doc__).split()).partition(". ")
-    announce(f"{name}: {what.rstrip('.')}.")
-
-
 def run_on_capture(command: Any, name: str) -> None:
     """As `run`, for a command whose options a data parser's name and options may follow; `main` is
     given these words. They are not looked at here: nerfstudio takes seconds to import."""
@@ -54,6 +48,11 @@ def run_on_capture(command: Any, name: str) -> None:
     options, words = split_words(command, name, sys.argv[1:])
     _say_what_begins(name, options)
     options.main(words)
+
+
+def _say_what_begins(name: str, options: Any) -> None:
+    """In a line, by the help: what a command needs may take many seconds to import."""
+    announce(f"{name}: {' '.join(str(options.__doc__).split()).partition('. ')[0].rstrip('.')}.")
 
 
 def split_words(command: Any, name: str, words: Sequence[str]) -> tuple[Any, tuple[str, ...]]:

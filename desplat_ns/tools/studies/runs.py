@@ -32,8 +32,6 @@ RESULTS, LOG, PICTURES = "results.json", "run.log", "pictures"
 """In the folder of a run; pictures are the held-out photos with the renderings beside them."""
 RAY = "RAY_ADDRESS"
 """Environment variable: Ray's own, of a cluster; without it Ray is started here."""
-PARENT = "DESPLAT_NS_PARENT"
-"""Environment variable: the process with which a training is to end."""
 
 
 @dataclass(frozen=True)
@@ -81,10 +79,11 @@ Do = Callable[[Run, Path], Record]
 def in_own_process(method: str, options: list[str], folder: Path) -> dict[str, Any]:
     """A `Train` in a process of one thread. Raises DeSplatError that names its log."""
     line = [sys.executable, "-m", PROGRAM, str(folder / RESULTS), method, *options]
+    piped: dict[str, Any] = {"stdin": subprocess.PIPE, "stderr": subprocess.STDOUT}
     with (folder / LOG).open("w") as log:
-        environment = os.environ | ONE_THREAD | {PARENT: str(os.getpid())}
-        done = subprocess.run(line, stdout=log, stderr=subprocess.STDOUT, env=environment)
-    if done.returncode != 0:
+        process = subprocess.Popen(line, stdout=log, env=os.environ | ONE_THREAD, **piped)
+        status = process.wait()  # its stdin stays open as long as this process is there
+    if status != 0:
         raise DeSplatError(f"Training or scoring failed. Its log: {folder / LOG}")
     return json.loads((folder / RESULTS).read_text())
 
