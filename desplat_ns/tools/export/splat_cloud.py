@@ -130,12 +130,9 @@ def similarity_to(
     """From the coordinates of training to those of a file.
 
     training: as it is. upright: the capture's scale, the scene's up as the file's up, the origin of
-    training. capture: the capture's own coordinates, to lay over its points.
-
-    Args:
-        transform: the dataparser's: the capture's coordinates to those of training, before scaling.
-        scale: the dataparser's.
-        upright_axes: from nerfstudio's axes (z up) to the file's.
+    training. capture: the capture's own coordinates, to lay over its points. `transform` and then
+    `scale` are the dataparser's, from there to training; `upright_axes` lead from nerfstudio's axes
+    (z up) to the file's.
     """
     if frame == "training":
         return Similarity(np.eye(3), 1.0, np.zeros(3))

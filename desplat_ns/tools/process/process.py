@@ -41,14 +41,9 @@ FEW_FEATURES = 0.1
 
 def process(request: Request, names: Sequence[str]) -> None:
     """Make the capture of photos of these names below their folder, or of a video, or go on where
-    an earlier call stopped; says what came out.
-
-    Raises:
-        ConfigError: the output folder holds something else, or was begun with other options, or
-            another process is at work in it; the disk is full, or pycolmap failed. What is done is
-            kept.
-        CaptureError: too few photos can be used, or nothing ties them together. Nothing is left.
-    """
+    an earlier call stopped; says what came out. Raises ConfigError where the output folder will not
+    do, the disk is full, or pycolmap failed, and keeps what is done; CaptureError where too few
+    photos can be used, or nothing ties them together, and leaves nothing."""
     output, asked = request.output, request.lasting()
     for name in names or [""]:  # a file of another size is not the same any more
         asked[name or request.photos.name] = f"{(request.photos / name).stat().st_size} bytes"
@@ -79,9 +74,6 @@ def process(request: Request, names: Sequence[str]) -> None:
             shutil.rmtree(output / "work", ignore_errors=True)
 
 
-# --- the record ----------------------------------------------------------------------------------
-
-
 def is_made(output: Path, asked: Mapping[str, str]) -> bool:
     """Whether the capture is there. In a new folder the record is begun; in one with a record, a
     call with the same photos and options was at work. `asked` decides what comes out: options, and
@@ -110,9 +102,6 @@ def is_made(output: Path, asked: Mapping[str, str]) -> bool:
 
 def _write_record(output: Path, record: Mapping[str, Any]) -> None:
     write_whole(output / RECORD, json.dumps(record, indent=1, ensure_ascii=False).encode())
-
-
-# --- the stages ----------------------------------------------------------------------------------
 
 
 def _make(request: Request, names: Sequence[str]) -> dict[str, Any]:
@@ -205,9 +194,6 @@ def shortfall(attempt: Attempt, of: int) -> str:
     thin = ", which share few points" if first.observations < FEW * posed else ""
     bent = f", with {first.error:.2f} pixels of reprojection error" if first.is_bent else ""
     return f"{posed} of {of} photos have a pose{thin}{bent}." if posed < of or thin or bent else ""
-
-
-# --- what came out -------------------------------------------------------------------------------
 
 
 def left_out(photos: Sequence[Photo], attempt: Attempt) -> dict[str, list[str]]:

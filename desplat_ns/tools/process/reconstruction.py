@@ -173,9 +173,6 @@ def reconstruct(request: Request, photos: Sequence[Photo], recipe: Recipe) -> At
     return Attempt(recipe, map_photos(database, copies, found, recipe), features, verified)
 
 
-# --- features ------------------------------------------------------------------------------------
-
-
 def enter_photos(
     database: Path, copies: Path, cameras: Sequence[Sequence[Photo]], camera_model: CameraModel
 ) -> None:
@@ -237,9 +234,6 @@ def feature_counts(database: Path) -> dict[str, int]:
     with pycolmap.Database.open(database) as db:
         images = db.read_all_images()
         return {image.name: db.num_keypoints_for_image(image.image_id) for image in images}
-
-
-# --- matches -------------------------------------------------------------------------------------
 
 
 def match_photos(database: Path, is_video: bool, recipe: Recipe) -> None:
@@ -325,9 +319,6 @@ def verified_pairs(database: Path) -> tuple[int, list[tuple[str, str, int]]]:
     both = (pycolmap.pair_id_to_image_pair(pair) for pair in ids)
     found = [(names[a], names[b], n) for (a, b), n in zip(both, counts, strict=True) if n > 0]
     return sum(count >= MANY for count in matches), found
-
-
-# --- poses ---------------------------------------------------------------------------------------
 
 
 def map_photos(database: Path, photos: Path, models: Path, recipe: Recipe) -> list[Model]:

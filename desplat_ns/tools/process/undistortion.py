@@ -7,8 +7,8 @@ from __future__ import annotations
 import io
 import shutil
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor, wait
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -17,7 +17,7 @@ import PIL.Image
 import pycolmap
 from matplotlib.figure import Figure
 
-from desplat_ns.core.console import progress_with_time_left
+from desplat_ns.core.console import announce
 from desplat_ns.core.cores import cores
 from desplat_ns.core.whole import write_whole
 from desplat_ns.tools.process.photos import JPEG_QUALITY, Photo, write_picture
@@ -32,13 +32,10 @@ def undistort(request: Request, model: Model, photos: Sequence[Photo]) -> None:
     flat = output / "work" / "undistorted"
     shutil.rmtree(flat, ignore_errors=True)
     options = pycolmap.UndistortCameraOptions(max_image_size=request.longest_side)
-    how = {"undistort_options": options, "jpeg_quality": JPEG_QUALITY, "num_threads": cores()}
-    with ThreadPoolExecutor(1) as pool, progress_with_time_left("Undistortion") as show:
-        places = flat, model.folder, output / "work" / "photos"
-        job = pool.submit(pycolmap.undistort_images, *places, **how)
-        while wait([job], timeout=1.0).not_done:  # pycolmap tells nothing, but writes file by file
-            show(len(list(flat.glob("images/*"))), len(model.photos))
-        job.result()
+    announce(f"Undistorting {len(model.photos)} photos.")
+    how: dict[str, Any] = {"jpeg_quality": JPEG_QUALITY, "num_threads": cores()}
+    places = flat, model.folder, output / "work" / "photos"
+    pycolmap.undistort_images(*places, undistort_options=options, **how)
     flat_model = pycolmap.Reconstruction(flat / "sparse")
     bent_model = pycolmap.Reconstruction(model.folder)
     draw_from_above(flat_model, output / "cameras.png")

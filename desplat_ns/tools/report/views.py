@@ -80,8 +80,6 @@ def alone(names: Sequence[str], shown: Bool[Tensor, "V P"]) -> dict[str, float]:
     return {name: share for share, name in ranked if share > MUCH}
 
 
-# --- disputed places -------------------------------------------------------------------------
-
 CELLS = 2000
 """Cells of an image that are compared with the static scene."""
 MIN_VIEWS = 5
@@ -124,24 +122,17 @@ def unlike_in(
     static: Float[Tensor, "H W 3"],
     by: Thresholds,
 ) -> Unlike:
-    """How a photo differs from the static scene in the photo's light, both in [0, 1]."""
-    covered = (alpha_d.detach() > MASK_THRESHOLD).float()
-    unlike = region_pixels(differences(photo, static, by).float(), view.height, view.width)
-    cells = pooled(torch.maximum(covered, unlike), grid_of(view.width, view.height, CELLS))[0]
-    return Unlike(name, detached(view), cells > 0.5)
-
-
-def differences(
-    photo: Float[Tensor, "H W 3"], static: Float[Tensor, "H W 3"], by: Thresholds
-) -> Bool[Tensor, "rows columns"]:
-    """Where a photo does not show the static scene, whoever is right: regions in which nothing is
-    expected and no other photo is asked; both in [0, 1]."""
-    height, width = photo.shape[:2]
-    grid, fine = grid_of(width, height), fine_grid_of(width, height)
+    """How a photo differs from the static scene in the photo's light, both in [0, 1], whoever is
+    right: regions in which nothing is expected and no other photo is asked."""
+    grid, fine = grid_of(view.width, view.height), fine_grid_of(view.width, view.height)
     colors_s, colors_p = pooled(static, fine), pooled(photo, fine)
     residual = local_residual(colors_s, colors_p, grid)
     excess = Excess(residual, level_of(residual, None), torch.ones_like(residual))
-    return decide(Comparison(colors_s, colors_p, excess, None), lambda: None, by)
+    regions = decide(Comparison(colors_s, colors_p, excess, None), lambda: None, by)
+    unlike = region_pixels(regions.float(), view.height, view.width)
+    covered = (alpha_d.detach() > MASK_THRESHOLD).float()
+    cells = pooled(torch.maximum(covered, unlike), grid_of(view.width, view.height, CELLS))[0]
+    return Unlike(name, detached(view), cells > 0.5)
 
 
 @torch.no_grad()

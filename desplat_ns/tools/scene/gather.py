@@ -245,9 +245,6 @@ def _weights(pipeline: DeSplatPipeline, cloud: SplatCloud) -> np.ndarray:
     return weights.cpu().numpy()
 
 
-# --- lights ----------------------------------------------------------------------------------
-
-
 def light_of(model: DeSplatModel, light: str | None) -> str:
     """Whose light a page shows; empty where all photos have the same.
 

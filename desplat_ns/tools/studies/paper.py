@@ -32,9 +32,6 @@ MEAN = "mean"
 """The column of means over all scenes of a table."""
 
 
-# --- scenes --------------------------------------------------------------------------------------
-
-
 @dataclass(frozen=True)
 class PaperScene:
     """A scene as the paper uses it (B.1); docs/compare-with-desplat.md has the protocols."""
@@ -106,9 +103,6 @@ MIPNERF360 = [
 ]
 
 
-# --- methods -------------------------------------------------------------------------------------
-
-
 @dataclass(frozen=True)
 class Method:
     """A registered method with options."""
@@ -157,9 +151,6 @@ def method_of(name: str) -> Method:
             "module:attribute of its MethodSpecification."
         )
     return Method(name.replace(":", "."), name)
-
-
-# --- tables --------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)

@@ -93,12 +93,8 @@ def reproduce(
     smoke: Smoke | None = None,
 ) -> Path:
     """Run what a table needs of the data sets in a folder, and write it; the folder that holds it.
-
-    Raises:
-        CaptureError: scenes cannot be read, or none is there.
-        ConfigError: the output folder will not do.
-        DeSplatError: runs failed; the table is written without them.
-    """
+    Raises CaptureError where scenes cannot be read, or none is there, ConfigError where the output
+    folder will not do, DeSplatError where runs failed; the table is written without them."""
     with only_process_in(output):
         records = open_records(output)
         numbers = range(FIRST_SEED, FIRST_SEED + seeds)

@@ -80,8 +80,10 @@ def in_own_process(method: str, options: list[str], folder: Path) -> dict[str, A
     """A `Train` in a process of one thread. Raises DeSplatError that names its log."""
     line = [sys.executable, "-m", PROGRAM, str(folder / RESULTS), method, *options]
     piped: dict[str, Any] = {"stdin": subprocess.PIPE, "stderr": subprocess.STDOUT}
-    with (folder / LOG).open("w") as log:
-        process = subprocess.Popen(line, stdout=log, env=os.environ | ONE_THREAD, **piped)
+    with (
+        (folder / LOG).open("w") as log,
+        subprocess.Popen(line, stdout=log, env=os.environ | ONE_THREAD, **piped) as process,
+    ):
         status = process.wait()  # its stdin stays open as long as this process is there
     if status != 0:
         raise DeSplatError(f"Training or scoring failed. Its log: {folder / LOG}")

@@ -23,15 +23,10 @@ from desplat_ns.tools.studies.runs import PICTURES
 
 
 def train_and_score(method: str, options: list[str], pictures: Path) -> dict[str, Any]:
-    """Train by a method and options of `ns-train`, score, and put pictures into a folder.
-
-    Returns:
-        `figures` as `ns-eval` writes them, with `train_cpu_seconds` and `train_wall_seconds` of the
-        training steps, without photos, last checkpoint and evaluation; `commit`; `device_name`.
-
-    Raises:
-        DeSplatError: training was stopped before its last step; such a model is not scored.
-    """
+    """Train by a method and options of `ns-train`, score, and put pictures into a folder: `figures`
+    as `ns-eval` writes them, with `train_cpu_seconds` and `train_wall_seconds` of the training
+    steps, without photos, last checkpoint and evaluation; `commit`; `device_name`. Raises
+    DeSplatError where training was stopped before its last step; such a model is not scored."""
     commit, config = code_version(), parse(method, options)
     if config.data is not None:
         config.pipeline.datamanager.data = config.data
