@@ -32,8 +32,7 @@ class OfRun:
 
 
 def run(command: Any, **options: Any) -> None:
-    """Read the options of a dataclass with `main`, or of a union of such, and call `main`; a user's
-    mistake has no traceback. `options`: of `tyro.cli`."""
+    """Read a dataclass's options, or a union's, by `tyro.cli` with `options`, and call its `main`."""
     begin_run()
     name = Path(sys.argv[0]).name
     parsed = tyro.cli(command, prog=name, **options)

@@ -71,10 +71,8 @@ class Evaluate(OfRun):
         }
         with plain_errors(self.output_path, "--output-path"):
             write_whole(self.output_path, json.dumps(record, indent=2).encode())
-        announce(
-            f"{in_words(results)}; means of {results['num_images']} held-out photos. Scored: "
-            f"{results['protocol']}."
-        )
+        announce(f"{in_words(results)}; means of {results['num_images']} held-out photos.")
+        announce(f"Scored: {results['protocol']}.")
         announce(f"Saved results to: {self.output_path}")
 
     def _with_protocol(self, config: Any) -> Any:

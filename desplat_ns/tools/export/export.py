@@ -55,12 +55,12 @@ def export_splats(
     known = pipeline.datamanager.remembered()
     transform, scale = known["transform"].numpy(), float(known["scale"])
     to_file = similarity_to(frame, transform, scale, UPRIGHT[ending])
-    cloud, left_out = moved(cloud, to_file), []
+    cloud, told = moved(cloud, to_file), list[str]()
     if frame == "capture":
         cloud = near_zero(cloud)
     if ending == ".spz":
-        near, told = placed(cloud)
-        cloud, left_out = cloud.rows(near), [told] if told else []
+        near, left_out = placed(cloud)
+        cloud, told = cloud.rows(near), [left_out] * bool(left_out)
     content, beside = WRITERS[ending](cloud), output.with_name(f"{output.name}.offset.txt")
     offset = " ".join(map(str, cloud.offset))
     with plain_errors(output):
@@ -68,27 +68,23 @@ def export_splats(
         beside.unlink(missing_ok=True)
         if offset:
             write_whole(beside, f"{offset}\n".encode())
-    announce(
-        f"Saved {output}: {len(cloud)} Gaussians with harmonics of degree {cloud.degree}, "
-        f"{len(content) / 1e6:.2f} MB."
-    )
+    megabytes = f"{len(content) / 1e6:.2f} MB"
+    announce(f"Saved {output}: {len(cloud)} Gaussians, degree {cloud.degree}, {megabytes}.")
     if pipeline.model.effects.background != "off":
-        left_out.append(
-            "The background behind the scene (the sky) is no Gaussians and is not in the file."
-        )
+        told.append("The background (the sky) is no Gaussians and is not in the file.")
     if cloud.antialiased and ending != ".spz":
-        left_out.append(
+        told.append(
             "The run was trained with `rasterize-mode antialiased`, which this format cannot say: "
             "switch antialiasing on in the viewer, or write .spz."
         )
     if offset:
-        left_out.append(
+        told.append(
             f"float32 is too coarse for the capture's coordinates: {output} has them without an "
             f"offset of {offset}, which stands in {beside}, in the comment of a .ply and as the "
             "translation of a .glb's node, which viewers that compute in float32 round."
         )
-    for what in left_out:
-        announce(what, warning=True)
+    for line in told:
+        announce(line, warning=True)
 
 
 def export_masks(
@@ -150,9 +146,8 @@ def static_cloud(
         )
     if not kept.any():
         raise ConfigError(
-            f"--crop {crop:g} leaves none of {len(cloud)} Gaussians. Give a larger number; 2 "
-            "keeps what is up to twice as far away as the cameras look. Where nothing that they "
-            "show is solid yet, train longer."
+            f"--crop {crop:g} leaves none of {len(cloud)} Gaussians. Give a larger number, such as "
+            "2; where nothing that the cameras show is solid yet, train longer."
         )
     announce(f"--crop {crop:g} keeps {kept.sum()} of them and leaves out {(~kept).sum()}.")
     rows[rows.clone()] = torch.from_numpy(kept).to(rows.device)
@@ -166,8 +161,7 @@ def shown_in(model: DeSplatModel, light: str | None) -> Any:
     effects = model.image_effects
     if effects.appearance is None:
         raise ConfigError(
-            f"--light is '{light}', but the Gaussians of this run have the same colours in the "
-            "light of every photo. Leave it out."
+            f"--light is '{light}', but this run has the same light in every photo. Leave it out."
         )
     return model.shown_in(mixed_light(light, model.names, effects, "--light"))
 

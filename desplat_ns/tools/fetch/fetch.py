@@ -70,8 +70,7 @@ def unpack(archive: Path, folder: Path) -> None:
             _extract(archive, unpacked)
         except Exception as error:  # damage has many names, of several modules
             raise CaptureError(
-                f"'{archive}' could not be unpacked ({error}). Make room if the disk is full, else "
-                "remove it; then fetch it again."
+                f"'{archive}' could not be unpacked ({error}). Make room, or fetch it anew."
             ) from error
         shutil.rmtree(unpacked / "__MACOSX", ignore_errors=True)
         inner = unpacked / folder.name
@@ -116,8 +115,7 @@ def download(address: str, target: Path, progress: Callable[[int, int], None]) -
         except OSError as error:  # requests' errors are such, too
             if attempt == ATTEMPTS:
                 raise CaptureError(
-                    f"{address} could not be fetched ({error}). What is there is kept. Type the "
-                    "same again to go on."
+                    f"{address} could not be fetched ({error}). What is there is kept: try again."
                 ) from error
             time.sleep(attempt)
     part.replace(target)

@@ -52,8 +52,7 @@ def process(request: Request, names: Sequence[str]) -> None:
             if is_made(output, asked):
                 announce(
                     f"{output} is made already; {RECORD} in it says what came out. To make it "
-                    "anew, also with another --effort, remove it first: "
-                    f"rm -r {shlex.quote(str(output))}."
+                    f"anew, also with another --effort: rm -r {shlex.quote(str(output))}."
                 )
             else:
                 findings = _make(request, names)
@@ -67,8 +66,7 @@ def process(request: Request, names: Sequence[str]) -> None:
         except (OSError, RuntimeError) as error:
             raise ConfigError(
                 f"{output} could not be made ({error}). What is done is kept: the same command "
-                "goes on where it stopped. Make room if the disk is full; if that happens again, "
-                "name another folder."
+                "goes on. Make room if the disk is full; if that is not it, name another folder."
             ) from error
         if not request.keep_work:
             shutil.rmtree(output / "work", ignore_errors=True)
@@ -83,8 +81,7 @@ def is_made(output: Path, asked: Mapping[str, str]) -> bool:
     if not path.is_file():
         if entries := sorted(place.name for place in output.iterdir() if place.name != IN_USE):
             raise ConfigError(
-                f"{output} holds something else: {list_names(entries, 5)}. Nothing is written "
-                "over: name a new or an empty folder."
+                f"{output} holds something else: {list_names(entries, 5)}. Name an empty folder."
             )
         _write_record(output, {"asked": asked})
     try:
@@ -112,9 +109,8 @@ def _make(request: Request, names: Sequence[str]) -> dict[str, Any]:
     if len(model.photos) < MIN_PHOTOS:
         reasons = " ".join(f"{list_names(names)}: {why}." for why, names in missing.items())
         raise CaptureError(
-            f"No three of the {len(photos)} photos could be put together. {reasons}"
-            " Needed are photos that overlap by two thirds, from places some steps apart, sharp, "
-            "of something with structure."
+            f"No three of the {len(photos)} photos could be put together. {reasons} Needed are "
+            "sharp photos that overlap by two thirds, from different places, of some structure."
         )
     undistort(request, model, photos)
     return {
@@ -234,18 +230,15 @@ def left_out(photos: Sequence[Photo], attempt: Attempt) -> dict[str, list[str]]:
 def report_lines(output: Path, findings: Mapping[str, Any]) -> list[str]:
     """What is said of a capture that is made."""
     photos, points = findings["photos"], findings["points"]
-    lines = [
-        f"{photos} of {findings['of']} photos have a pose, {points} points, mean reprojection "
-        f"error {findings['error']:.2f} pixels."
-    ]
+    error = f"mean reprojection error {findings['error']:.2f} pixels"
+    lines = [f"{photos} of {findings['of']} photos have a pose, {points} points, {error}."]
     if findings["left_out"]:
         lines.append(f"Left out, with the probable reason (all are in {output / RECORD}):")
     lines += [f"  {list_names(names)}: {why}" for why, names in findings["left_out"].items()]
     if photos < FEW_PHOTOS or findings["observations"] < FEW * photos:
         lines.append(
-            f"Warning: {photos} photos with {points} points are few; poses may be off, and what "
-            f"moves is hardly told from what stays. Take at least {FEW_PHOTOS} photos, better 20, "
-            "that overlap by two thirds."
+            f"Warning: {photos} photos with {points} points are few; poses may be off. Take at "
+            f"least {FEW_PHOTOS} photos, better 20, that overlap by two thirds."
         )
     lines.append(f"Cameras and points from above: {output / 'cameras.png'}")
     folder = shlex.quote(str(output))

@@ -92,8 +92,7 @@ def find_photos(photos: Path, output: Path, mask: Path | None = None) -> list[st
     out, mask = output.resolve(), mask and mask.resolve()
     if photos.resolve().is_relative_to(out):
         raise CaptureError(
-            f"The photos lie in the folder for the capture, {output}. Nothing is mixed with them: "
-            "name a new folder beside them."
+            f"The photos lie in the folder for the capture, {output}. Name a new folder beside it."
         )
     files = [
         name
@@ -113,8 +112,8 @@ def find_photos(photos: Path, output: Path, mask: Path | None = None) -> list[st
         )
     if broken := [t for name in names if (t := text_of(name)) != name or min(name) < " "]:
         raise CaptureError(
-            f"{len(broken)} names in {photos} are no text in UTF-8, or have control characters: "
-            f"{list_names(broken, 5)}. Rename these files."
+            f"{len(broken)} names in {photos} are no plain text: {list_names(broken, 5)}. Rename "
+            "these files."
         )
     if len(names) >= MIN_PHOTOS:
         begin_folder(photos, files)

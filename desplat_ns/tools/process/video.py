@@ -52,8 +52,7 @@ def take_frames(video: Path, folder: Path, most: int) -> list[str]:
         if len(chosen) < MIN_PHOTOS:
             raise CaptureError(
                 f"{video} has {len(seen)} frames, in which the picture moves by "
-                f"{seen[-1].distance:.0%} of its width: too little for {MIN_PHOTOS} photos from "
-                "different places. Walk around while filming."
+                f"{seen[-1].distance:.0%} of its width: too little. Walk around while filming."
             )
         with draft_of(folder) as draft:
             draft.mkdir()
@@ -127,7 +126,4 @@ def frames_of(video: Path) -> Iterator[tuple[int, int, np.ndarray]]:
         index += 1
         is_there, pixels = file.read()
     if index == 0:
-        raise CaptureError(
-            f"The video {video} cannot be read. Copy it again from its source, or convert it to "
-            "MP4 with H.264."
-        )
+        raise CaptureError(f"The video {video} cannot be read. Convert it to MP4 with H.264.")

@@ -135,16 +135,11 @@ def scene_of(
     totals = len(manager.train_image_names), len(manager.eval_dataset)
     training, held_out = map(even_subset, totals, (most_training, most_held_out))
     if not training and not held_out:
-        raise CaptureError(
-            "There is no camera to start from: the page has no photos. Ask for some: "
-            "--training-photos 50."
-        )
+        raise CaptureError("The page has no photo to start from. Add --training-photos 50.")
     counts, not_shown = (len(training), len(held_out)), ""
     if counts != totals:
-        not_shown = (
-            f"{counts[0]} of {totals[0]} training photos and {counts[1]} of {totals[1]} held-out "
-            "ones are here, evenly chosen."
-        )
+        some, others = (f"{few} of {all}" for few, all in zip(counts, totals, strict=True))
+        not_shown = f"{some} training photos and {others} held-out ones are here, evenly chosen."
     cameras = []
     with (
         shown_in(model, light),

@@ -102,10 +102,8 @@ def scene_html(contents: PageScene, most: int) -> tuple[str, list[str]]:
     content, chosen, share = fitted(turned, int(room * BASE64), lambda _: contents.weigh(cloud))
     shown = turned.rows(chosen)
     if len(shown) < len(cloud):
-        reduced = (
-            f"Reduced to fit: {len(shown):,} of {len(cloud):,} Gaussians, which make up "
-            f"{share:.1%} of what the photos show."
-        )
+        kept = f"{len(shown):,} of {len(cloud):,} Gaussians"
+        reduced = f"Reduced to fit: {kept}, which make up {share:.1%} of what the photos show."
     rows = near.nonzero()[0][chosen]
     scene = _text(content), len(shown), reduced
     limit, others = min(2 * len(page(*scene).encode()), most), list[dict[str, Any]]()

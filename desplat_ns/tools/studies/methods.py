@@ -57,7 +57,5 @@ def content_of(train: Any, test: Any) -> str:
     """What is in two splits, in words; sizes are pixels of the median training photo."""
     cameras, points = train.cameras, train.metadata.get("points3D_xyz", ())
     width, height = int(cameras.width.median()), int(cameras.height.median())
-    return (
-        f"{len(cameras)} photos train, {len(test.cameras)} test, {width} x {height}, "
-        f"{len(points)} points"
-    )
+    photos = f"{len(cameras)} photos train, {len(test.cameras)} test"
+    return f"{photos}, {width} x {height}, {len(points)} points"

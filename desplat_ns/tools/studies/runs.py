@@ -95,10 +95,7 @@ def execute(run: Run, folder: Path, train: Train = in_own_process) -> Record:
     they replace those of an earlier run; checkpoints are removed. Raises DeSplatError where the
     capture is not there, or training or evaluation failed."""
     if not run.data.exists():
-        raise CaptureError(
-            f"There is no capture at {run.data}. Every machine that trains for a study needs the "
-            "photos in the same place."
-        )
+        raise CaptureError(f"There is no {run.data}. Each machine needs the capture in one place.")
     place = folder / run.name
     shutil.rmtree(place, ignore_errors=True)
     place.mkdir(parents=True)
@@ -175,8 +172,7 @@ class Executor:
             import ray  # pyright: ignore[reportMissingImports]
         except ImportError as error:
             raise DeSplatError(
-                "--executor ray needs Ray, which is not installed. Type: "
-                "pip install 'desplat-ns[ray]'."
+                "--executor ray needs Ray. Type: pip install 'desplat-ns[ray]'."
             ) from error
         here: dict[str, Any] = {"num_cpus": self.jobs, "include_dashboard": False}
         options = {} if RAY in os.environ else here

@@ -169,8 +169,7 @@ def open_study(
     for record in records.values():
         if record.capture != str(data):
             raise ConfigError(
-                f"'{output}' holds the study of '{record.capture}'. Name another --output, or that "
-                "capture to go on with it."
+                f"'{output}' holds the study of '{record.capture}'. Name another --output."
             )
     train, test = splits_of(BASE, data, parser, "train", "test")
     effects = decided_effects(method_config(BASE).pipeline.model.effects, train)[0].settled()
