@@ -32,7 +32,7 @@ class OfRun:
 
 
 def run(command: Any, **options: Any) -> None:
-    """Read a dataclass's options, or a union's, by `tyro.cli` with `options`, and call its `main`."""
+    """Read a dataclass's options, or a union's, by `tyro.cli` with `options`; call its `main`."""
     begin_run()
     name = Path(sys.argv[0]).name
     parsed = tyro.cli(command, prog=name, **options)

@@ -43,8 +43,7 @@ class Arguments:
     jobs: int = ranged(1, "[1, inf)")
     """Trainings beside each other. Times and speeds (A8, A9) are to be measured alone."""
     smoke: bool = False
-    """Try everything in minutes: 100 steps, photos of 160 pixels at most, whatever scenes are
-    there. The figures mean nothing."""
+    """Try everything in minutes: 100 steps, photos of 160 pixels. The figures mean nothing."""
 
     def main(self) -> None:
         """Check what can be checked at once, then make the table, say where it is. Raises

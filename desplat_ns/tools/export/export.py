@@ -90,9 +90,8 @@ def export_splats(
 def export_masks(
     files: RunFiles, output: Path, invert: bool, dilate: float, naming: Naming
 ) -> None:
-    """Write the distractor mask of every training photo as PNG, at the photo's full size. Arguments
-    as of `desplat-export masks`. Raises as `load_run` and `photos_on_disk`, and ConfigError where
-    the run has no distractors, or there is nowhere to write."""
+    """Write the distractor mask of every training photo as PNG, at the photo's full size. Raises as
+    `load_run` and `photos_on_disk`, and ConfigError where the run has no distractors."""
     pipeline = load_run(files).pipeline
     model = pipeline.model
     if model.layer is None:
@@ -122,8 +121,7 @@ def static_cloud(
     pipeline: DeSplatPipeline, crop: float | None, light: str | None
 ) -> tuple[SplatCloud, Bool[Tensor, " N"]]:
     """The static Gaussians that a file is to hold, in the coordinates of training, and which of the
-    model's they are; says what was left out. Arguments as of `desplat-export splats`. Raises
-    ConfigError of an unknown light, or where nothing is left."""
+    model's they are; says what was left out. Raises ConfigError where nothing is left."""
     model = pipeline.model
     cameras = pipeline.datamanager.train_dataset.cameras.to(pipeline.device)
     with shown_in(model, light), torch.no_grad():
@@ -172,8 +170,7 @@ def within(
     rasterize: Callable[[View], Rendering],
     factor: float,
 ) -> Bool[np.ndarray, " N"]:
-    """Which points lie no farther from some camera than `factor` times its `reach_of`. `rasterize`
-    draws the static scene with its depth."""
+    """Which points lie no farther from some camera than `factor` times its `reach_of`."""
     kept = np.zeros(len(means), bool)
     for view in views:
         reach = reach_of(view, rasterize)

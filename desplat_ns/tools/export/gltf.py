@@ -23,8 +23,7 @@ KINDS = {1: "SCALAR", 3: "VEC3", 4: "VEC4"}
 
 
 def glb_bytes(cloud: SplatCloud) -> bytes:
-    """The file: a header, the JSON, the numbers. One mesh of one primitive, with an accessor and a
-    view for each attribute. Nothing is lost beyond float32."""
+    """The file: a header, the JSON, the numbers. Nothing is lost beyond float32."""
     attributes, accessors, views, binary = dict[str, int](), [], [], bytearray()
     for name, values in _columns(cloud):
         accessor = {"bufferView": len(views), "componentType": COMPONENTS[values.dtype]}

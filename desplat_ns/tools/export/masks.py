@@ -1,8 +1,6 @@
-"""Distractor masks over the photos as they lie on disk: at their full size, bent by their lens,
-under the names that others look for.
+"""Distractor masks over the photos as they lie on disk: at their full size, through their lens.
 
-Renderings are made through a pinhole; photos were taken through a lens. Letters in shapes: H x W
-pixels of the photo, h x w of the pinhole's image.
+Letters in shapes: H x W pixels of the photo, h x w of the pinhole's image, which is rendered.
 """
 
 from __future__ import annotations

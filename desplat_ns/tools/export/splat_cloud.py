@@ -83,8 +83,7 @@ def xyzw(quats: Float[np.ndarray, "N 4"]) -> Float[np.ndarray, "N 4"]:
 
 @torch.no_grad()
 def shown_anywhere(splats: Splats) -> Bool[Tensor, " N"]:
-    """Which Gaussians some view may show: none that are broken, beyond the far plane, wider than
-    `TOO_WIDE`, or fainter than a pixel's cut-off."""
+    """Which Gaussians some view may show: finite ones, not too far, wide or faint to be drawn."""
     near = splats.means.abs().amax(-1) < FAR_PLANE
     drawn = near & (splats.scales.amax(-1) <= TOO_WIDE) & (splats.opacities >= ALPHA_CUTOFF)
     return is_finite(splats) & drawn

@@ -25,8 +25,7 @@ MEGABYTE = 10**6
 def fetch(source: Source, folder: Path) -> list[Path]:
     """Download and unpack what is not there into the data set's own folder, which is made in
     `folder`; the folders of its captures. What was begun is gone on with. Raises as `download` and
-    `unpack`, CaptureError where there is no capture in it, ConfigError where nothing can be written
-    there or another process is at work there."""
+    `unpack`, CaptureError where there is no capture in it, ConfigError as `only_process_in`."""
     home = folder / source.folder
     with only_process_in(home):
         for address in source.files:

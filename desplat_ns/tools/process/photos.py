@@ -1,5 +1,4 @@
-"""Photos as they are processed: upright, 8 bit, of a sensible size; their masks; and which of them
-share a camera.
+"""Photos as they are processed: upright, 8 bit, of a sensible size; their masks and cameras.
 
 Letters in shapes: H x W pixels.
 """

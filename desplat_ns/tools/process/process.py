@@ -74,9 +74,8 @@ def process(request: Request, names: Sequence[str]) -> None:
 
 def is_made(output: Path, asked: Mapping[str, str]) -> bool:
     """Whether the capture is there. In a new folder the record is begun; in one with a record, a
-    call with the same photos and options was at work. `asked` decides what comes out: options, and
-    sources with their sizes. Raises ConfigError where something else lies there, or other photos or
-    options were processed there."""
+    call with the same photos and options was at work. `asked`: options, and sources with their
+    sizes. Raises ConfigError where something else lies there, or others were processed there."""
     path = output / RECORD
     if not path.is_file():
         if entries := sorted(place.name for place in output.iterdir() if place.name != IN_USE):

@@ -202,8 +202,7 @@ def enter_photos(
 
 
 def find_features(database: Path, copies: Path, recipe: Recipe) -> dict[str, int]:
-    """The number of SIFT features of each copy where `masks` beside them does not forbid any;
-    copies that have them already are passed over."""
+    """The number of SIFT features of each copy, where `masks` allow any; those there are kept."""
     reader = pycolmap.ImageReaderOptions(mask_path=copies.with_name("masks"))
     options = pycolmap.FeatureExtractionOptions()
     options.num_threads = cores()
@@ -310,8 +309,7 @@ def _vlad(
 
 
 def verified_pairs(database: Path) -> tuple[int, list[tuple[str, str, int]]]:
-    """How many pairs have `MANY` matches, and, of those of which any were verified, names of both
-    photos and the number that was."""
+    """How many pairs have `MANY` matches; names and numbers of those with verified matches."""
     with pycolmap.Database.open(database) as db:
         names = {image.image_id: image.name for image in db.read_all_images()}
         _, matches = db.read_num_matches()
@@ -322,8 +320,7 @@ def verified_pairs(database: Path) -> tuple[int, list[tuple[str, str, int]]]:
 
 
 def map_photos(database: Path, photos: Path, models: Path, recipe: Recipe) -> list[Model]:
-    """Find poses and points from verified matches, incrementally; the models, the one with most
-    photos first. `models` gets a folder for each."""
+    """Find poses and points from verified matches; the models, the one with most photos first."""
     options = pycolmap.IncrementalPipelineOptions()
     options.num_threads = cores()
     options.random_seed = SEED

@@ -84,9 +84,8 @@ class Request:
 
 
 def find_photos(photos: Path, output: Path, mask: Path | None = None) -> list[str]:
-    """The photos of a folder and the folders in it, as sorted paths below it; not what lies in
-    `output` or `mask`, nor masks, which are told. Raises CaptureError where they are fewer than
-    `MIN_PHOTOS`."""
+    """The photos in a folder and below, as sorted paths; not what lies in `output` or `mask`, nor
+    masks, which are told. Raises CaptureError where they are fewer than `MIN_PHOTOS`."""
     if not photos.is_dir():
         raise CaptureError(f"There is no '{photos}'. Name a folder of photos, or a video.")
     out, mask = output.resolve(), mask and mask.resolve()

@@ -1,6 +1,4 @@
-"""The capture: photos without distortion, the model that goes with them, and a picture of cameras
-and points from above.
-"""
+"""The capture: photos without distortion, their model, and a picture of it from above."""
 
 from __future__ import annotations
 

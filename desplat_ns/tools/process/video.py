@@ -43,9 +43,8 @@ class Frame:
 
 def take_frames(video: Path, folder: Path, most: int) -> list[str]:
     """Write the chosen frames to `folder` as PNG, unless it is there already, whole or not at all;
-    their names, in the video's order. Pixels that are not square become so: by the side along which
-    they are longer. Raises CaptureError where the video cannot be read, or its camera does not
-    move."""
+    their names, in the video's order. Pixels become square by their longer side. Raises
+    CaptureError where the video cannot be read, or its camera does not move."""
     if not folder.is_dir():
         seen = look_at(video)
         chosen = choose(seen, most)

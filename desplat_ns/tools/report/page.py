@@ -55,8 +55,7 @@ def write_report(
 
 
 def shown_of(run: LoadedRun, most_training: int, most_held_out: int) -> dict[str, Any]:
-    """All that the page of a run shows, by the template's names. Raises as `training_photos` and
-    `held_out_photos`."""
+    """All that the page of a run shows, by the template's names. Raises as `held_out_photos`."""
     config, pipeline = run.config, run.pipeline
     model, manager = pipeline.model, pipeline.datamanager
     num_photos = len(manager.train_image_names)
@@ -92,9 +91,8 @@ def read_survey(path: Path) -> dict[str, Any] | None:
 
 
 def report_html(shown: Mapping[str, Any], scene: str = "") -> str:
-    """The page of what `shown_of` gave, with that of the scene itself on top, if any. Of training
-    photos those that distractors cover most come first. Raises ConfigError where there are too many
-    pictures for `SOURCE_BYTES`."""
+    """The page of what `shown_of` gave, with that of the scene on top, if any; photos that are
+    covered most come first. Raises ConfigError where pictures do not fit into `SOURCE_BYTES`."""
     training = sorted(shown["training"], key=lambda photo: -(photo.covered or 0.0))
     photos, disputed = [*training, *shown["held_out"]], shown["disputed"]
     first = [photo for photo in training if disputed and photo.name == disputed.names[0]]

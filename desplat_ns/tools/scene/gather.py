@@ -127,8 +127,7 @@ def scene_of(
     light: str | None = None,
 ) -> PageScene:
     """What the page of a run shows, by what `desplat-export page` takes. Raises CaptureError where
-    there is no camera to start from, or a photo cannot be read any more, ConfigError of an unknown
-    light, or where no Gaussians are left."""
+    there is no photo to start from, ConfigError where no Gaussians are left."""
     pipeline = run.pipeline
     model, manager = pipeline.model, pipeline.datamanager
     cloud, rows = static_cloud(pipeline, crop, light)
@@ -253,9 +252,8 @@ def light_of(model: DeSplatModel, light: str | None) -> str:
 
 
 def other_lights(model: DeSplatModel, rows: Tensor, view: View) -> list[Light]:
-    """Lights of a few photos; none where the Gaussians have the same colours in every light.
-    `rows`: which Gaussians [N] of the model are on the page; the background's mean colour in `view`
-    stands for it."""
+    """Lights of a few photos, over the Gaussians in `rows` [N]; none where Gaussians have the same
+    colours in every light. The background's mean colour in `view` stands for it."""
     effects, lights = model.image_effects, list[Light]()
     if effects.appearance is None:
         return lights

@@ -141,8 +141,7 @@ its masks."""
 
 
 def method_of(name: str) -> Method:
-    """A method of the table above, or one that is named as `module:attribute`. Raises ConfigError
-    where it is neither."""
+    """A method of the table above, or `module:attribute`. Raises ConfigError of another name."""
     if name in METHODS:
         return METHODS[name]
     if ":" not in name:

@@ -166,8 +166,7 @@ def find_scenes(table: Table, data: Path) -> tuple[list[PaperScene], list[PaperS
 
 
 def outputs_of(scene: PaperScene, split: str) -> Any:
-    """nerfstudio's DataparserOutputs of a split. Raises CaptureError, which names the scene, where
-    it cannot be read, or no photo is in it."""
+    """nerfstudio's DataparserOutputs of a split. Raises CaptureError, which names the scene."""
     try:
         return splits_of("desplat-paper", scene.place, scene.parser, split)[0]
     except CaptureError as error:

@@ -70,8 +70,7 @@ class Run:
 
 
 Train = Callable[[str, list[str], Path], dict[str, Any]]
-"""Trains and scores a method with options; RESULTS, LOG and PICTURES come into a folder. Returns
-the results, which are those of `train_and_score`."""
+"""Trains and scores a method with options, in a folder; returns as `train_and_score`."""
 Do = Callable[[Run, Path], Record]
 """Does a run in a folder; see `execute`."""
 
@@ -91,9 +90,8 @@ def in_own_process(method: str, options: list[str], folder: Path) -> dict[str, A
 
 
 def execute(run: Run, folder: Path, train: Train = in_own_process) -> Record:
-    """Train and score a run. Its log, pictures and results stay in a folder of its name, in which
-    they replace those of an earlier run; checkpoints are removed. Raises DeSplatError where the
-    capture is not there, or training or evaluation failed."""
+    """Train and score a run. Its log, pictures and results stay in a folder of its name, instead of
+    an earlier run's; checkpoints are removed. Raises DeSplatError where that failed."""
     if not run.data.exists():
         raise CaptureError(f"There is no {run.data}. Each machine needs the capture in one place.")
     place = folder / run.name

@@ -25,13 +25,11 @@ SEEDS = (42, 43, 44)
 LADDER = (0.25, 0.5, 1.0, 2.0, 4.0)
 """Lengths of the base's runs, in lengths of the comparison."""
 SHORTEST = 125
-"""Steps of the first run, from whose time the others' is guessed. The length of the comparison is
-this number, doubled some times."""
+"""Steps of the first run. A comparison has these, doubled some times."""
 WANTED = 500
 """Steps of a comparison up to which one seed has to do: of shorter runs little can be learned."""
 GROWTH = 1.5
-"""A step of a longer run is expected to take this many times one of the first run, until a longer
-one is done: there are more Gaussians."""
+"""What a step of a longer run is expected to take, of one of the first: Gaussians grow."""
 GRADES: tuple[AppearanceGrade, ...] = ("off", "camera", "affine")
 
 
@@ -148,8 +146,7 @@ def tradeoff(
     data: Path, parser: tuple[str, ...], output: Path, seconds: float, executor: Executor
 ) -> Path:
     """Do a study as far as its time goes, earlier sessions included, and write its page; where that
-    is. Raises DeSplatError where the capture or the folder will not do, the first run failed, or
-    another process is at work in the folder."""
+    is. Raises as `open_study` and `Study.do`."""
     from desplat_ns.tools.studies.page import write_page  # which imports this module
 
     with only_process_in(output):
@@ -163,8 +160,7 @@ def open_study(
     data: Path, parser: tuple[str, ...], output: Path, seconds: float, executor: Executor
 ) -> Study:
     """What an output folder holds of the study of a capture, or a new one; the capture is surveyed.
-    Raises CaptureError where it cannot be read, or nothing of it is held out, ConfigError where the
-    folder holds another study, or something else."""
+    Raises CaptureError where nothing is held out, ConfigError where the folder has another one."""
     records, data = open_records(output), data.resolve()
     for record in records.values():
         if record.capture != str(data):
