@@ -55,9 +55,8 @@ def _say_what_begins(name: str, options: Any) -> None:
 
 
 def split_words(command: Any, name: str, words: Sequence[str]) -> tuple[Any, tuple[str, ...]]:
-    """A command's options, and the data parser's words that follow them. `--data CAPTURE`, as
-    ns-train takes it, is the capture as well. Raises ConfigError where an option is not known, and
-    no data parser is named before it."""
+    """A command's options, and the data parser's words behind them; `--data CAPTURE`, as ns-train
+    takes it, is the capture. Raises ConfigError of an option that no data parser precedes."""
     words = [word.removeprefix("--data=") for word in words if word != "--data"]
     parsed, rest = tyro.cli(command, prog=name, args=words, return_unknown_args=True)
     if rest and rest[0].startswith("-"):

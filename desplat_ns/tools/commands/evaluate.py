@@ -40,8 +40,7 @@ class Evaluate(OfRun):
     learning_rate: float | None = None
     """Of the embedding."""
     lpips_net: LpipsNet | None = None
-    """Network of LPIPS. alex (AlexNet): as nerfstudio, on which the paper builds; vgg (VGG16): as
-    3DGS and what is built on it."""
+    """Of LPIPS: alex (AlexNet) as nerfstudio, vgg (VGG16) as 3DGS and what is built on it."""
     overwrite: bool = False
     """Replace the figures if they are there, and write into a folder that is not empty."""
 

@@ -36,8 +36,7 @@ CRITERIA = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 50, 1e-9)
 
 def photos_on_disk(manager: DeSplatDataManager) -> Iterator[tuple[str, Cameras]]:
     """Of each training photo, in the order of the views: its path below the photos' folder, and the
-    camera [1] at the photo's full size, with its distortion. Raises CaptureError of a photo that
-    cannot be read any more."""
+    camera [1] at its full size, with its distortion. Raises CaptureError of a lost photo."""
     outputs, parser = manager.train_dataparser_outputs, manager.dataparser
     paths = outputs.image_filenames
     names = image_names(paths)

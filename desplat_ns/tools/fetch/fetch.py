@@ -102,10 +102,9 @@ def _extract(archive: Path, folder: Path) -> None:
 
 
 def download(address: str, target: Path, progress: Callable[[int, int], None]) -> None:
-    """Fetch a file into a folder that is there; until it is whole it is called `NAME.part`, and what
-    is there of it from an earlier call is kept. `progress` takes megabytes that are there, and
-    megabytes in all. Raises CaptureError where the server cannot be reached, has no such file or
-    breaks off, ConfigError where the disk will not hold it."""
+    """Fetch a file into a folder; until it is whole it is called `NAME.part`, and what is there of
+    it is kept. `progress` takes megabytes that are there, and in all. Raises CaptureError where the
+    server cannot be reached or has no such file, ConfigError where the disk will not hold it."""
     part = target.with_name(f"{target.name}.part")
     for attempt in range(1, ATTEMPTS + 1):
         try:

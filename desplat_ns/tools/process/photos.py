@@ -117,7 +117,7 @@ def _copy(folder: Path, photo: Photo, copies: Path, longest_side: int) -> tuple[
     write_picture(copies.with_name("masks") / f"{photo.copy}.png", alpha)
     if (alpha < 255).any():
         photo = replace(photo, name=f"{photo.name.removesuffix('.jpg')}.png")
-    seen = replace(photo, width=width, height=height, sharpness=round(sharpness(pixels), 2))
+    seen = replace(photo, width=width, height=height, sharpness=round(_sharpness(pixels), 2))
     seen = replace(seen, camera=lens.name, focal_35mm=lens.focal_35mm)
     return seen, hashlib.sha1(image.tobytes()).hexdigest()
 
@@ -131,9 +131,8 @@ def write_picture(path: Path, pixels: UInt8[np.ndarray, "H W *C"]) -> None:
 
 
 def check_projection(path: Path, image: UInt8[np.ndarray, "H W C"]) -> None:
-    """Refuse what is no perspective view: its poses come out, off by tenths of the scene. Raises
-    CaptureError of a panorama by its file, or a 360-degree picture or two fisheye circles, twice as
-    wide as high."""
+    """Raise CaptureError of what is no perspective view, so that poses would be off: a panorama by
+    its file, or a 360-degree picture or two fisheye circles, twice as wide as high."""
     small = cv2.resize(image[..., :3], (512, 256), interpolation=cv2.INTER_AREA).astype(np.float32)
     is_wide = abs(image.shape[1] - 2 * image.shape[0]) <= 0.005 * image.shape[1]
     if is_wide and shows_two_circles(small):
@@ -166,7 +165,7 @@ def shows_two_circles(small: Float32[np.ndarray, "256 512 3"]) -> bool:
     return all(half[ring].mean() > 0.6 and half[outside].mean() < 0.05 for half in halves)
 
 
-def sharpness(pixels: UInt8[np.ndarray, "H W 3"]) -> float:
+def _sharpness(pixels: UInt8[np.ndarray, "H W 3"]) -> float:
     """Variance of the Laplacian of a photo's grey values, at `SHARPNESS_SIDE` pixels at most."""
     grey = cv2.cvtColor(pixels, cv2.COLOR_RGB2GRAY)
     scale = min(1.0, SHARPNESS_SIDE / max(grey.shape))

@@ -152,9 +152,8 @@ class Attempt:
 
 
 def reconstruct(request: Request, photos: Sequence[Photo], recipe: Recipe) -> Attempt:
-    """Find poses of photos, whose copies and masks lie in the work folder, by a recipe, with a bar
-    for each stage. Features and matches that an earlier call found are not looked for again. Raises
-    CaptureError where the camera stands still."""
+    """Find poses of photos, whose copies and masks lie in the work folder. Features and matches of
+    an earlier call are kept. Raises CaptureError where the camera stands still."""
     work = request.output / "work"
     copies, place = work / "photos", work / recipe.name
     found = place / ("models" if any(photo.focal for photo in photos) else "models_without_exif")

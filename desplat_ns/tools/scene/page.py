@@ -49,8 +49,7 @@ def write_scene(
     crop: float | None,
     light: str | None,
 ) -> None:
-    """Write the page of a run's scene, and say what is not on it; arguments as of `desplat-export
-    page`. Raises as `load_run`, `scene_of` and `scene_html`."""
+    """Write the page of a run's scene, by what `desplat-export page` takes; say what it lacks."""
     contents = scene_of(load_run(files), most_training, most_held_out, crop, light)
     text, left_out = scene_html(contents, int(megabytes * 1e6))
     content = text.encode()

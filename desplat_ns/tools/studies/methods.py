@@ -23,8 +23,7 @@ def method_config(method: str) -> Any:
 
 
 def parse(method: str, options: Sequence[str]) -> Any:
-    """The configuration that `ns-train` makes of a method and options. Raises SystemExit where an
-    option is not understood; tyro has said which."""
+    """The configuration that `ns-train` makes of a method and options. Raises SystemExit."""
     import tyro
 
     config = method_config(method)

@@ -18,15 +18,7 @@ from desplat_ns.core.pages import template
 from desplat_ns.core.whole import only_process_in, plain_errors, whole_folder
 from desplat_ns.metrics import lpips_weights
 from desplat_ns.tools.studies.methods import content_of, method_config, splits_of
-from desplat_ns.tools.studies.paper import (
-    LPIPS_NET,
-    MEAN,
-    Method,
-    Metric,
-    PaperScene,
-    Table,
-    figures_of,
-)
+from desplat_ns.tools.studies.paper import LPIPS_NET, MEAN, Method, PaperScene, Table, figures_of
 from desplat_ns.tools.studies.records import FILE, RUNS, Key, Record, conditions_of, open_records
 from desplat_ns.tools.studies.runs import Executor, Run
 
@@ -194,14 +186,11 @@ def cells_of(grid: Grid, records: dict[Key, Record]) -> dict[tuple[str, str, str
     scenes = [scene.name for scene in grid.scenes]
     is_whole = grid.smoke is not None or not grid.missing
 
-    def value(metric: Metric, key: tuple[str, str, int]) -> float | None:
-        record = records.get(grid.runs[key].key)
-        return None if record is None else metric.of(record.scores)
-
+    done = {at: records[run.key].scores for at, run in grid.runs.items() if run.key in records}
     cells: dict[tuple[str, str, str], Cell] = {}
     for metric, method in product(grid.table.metrics, grid.methods):
         columns = {
-            scene: [value(metric, (scene, method.name, seed)) for seed in grid.seeds]
+            scene: [metric.of(done.get((scene, method.name, seed), {})) for seed in grid.seeds]
             for scene in scenes
         }
         if is_whole and len(scenes) > 1:

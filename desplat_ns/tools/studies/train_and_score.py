@@ -60,8 +60,7 @@ def train_and_score(method: str, options: list[str], pictures: Path) -> dict[str
 
 
 def end_with_study() -> None:
-    """End this process when its stdin ends: nothing trains on for a study that was killed, into a
-    folder in which another process begins again."""
+    """End this process when its stdin ends: nothing trains on for a study that was killed."""
     os.read(0, 1)  # sys.stdin would hold a lock that keeps Python from ending
     os._exit(1)
 
