@@ -13,7 +13,7 @@ from desplat_ns.core.errors import ConfigError
 from desplat_ns.core.options import ranged
 from desplat_ns.core.whole import check_new_file, check_new_folder
 from desplat_ns.tools.commands import OfRun, run
-from desplat_ns.tools.export.formats import Frame, Naming, format_of
+from desplat_ns.tools.export.formats import FrameName, Naming, format_of
 
 
 @dataclass(kw_only=True)
@@ -36,7 +36,7 @@ class Splats(OfScene):
     output: Path
     """The file. Its ending chooses the format: .ply (everything reads it), .spz (an eighth of
     its size, rounded), .glb (glTF with KHR_gaussian_splatting, exact)."""
-    frame: Frame = "upright"
+    frame: FrameName = "upright"
     """upright: as viewers expect it of the format, in the capture's scale. capture: the capture's
     own coordinates, to lay over its points. training: nerfstudio's, as ns-export."""
 

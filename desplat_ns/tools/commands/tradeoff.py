@@ -16,9 +16,6 @@ from desplat_ns.core.options import check_ranges, ranged
 from desplat_ns.core.schedule import seconds_of
 from desplat_ns.tools.commands import run_on_capture
 
-MOST_JOBS = 8
-"""Trainings beside each other, unless more are asked for."""
-
 
 @dataclass
 class Arguments:
@@ -55,7 +52,7 @@ class Arguments:
 
         # a GPU is shared badly, and times beside others mean little
         on_cpu = method_config(BASE).machine.device_type == "cpu"
-        jobs = self.jobs or (min(cores(), MOST_JOBS) if on_cpu else 1)
+        jobs = self.jobs or (min(cores(), 8) if on_cpu else 1)
         executor = Executor(self.executor, jobs)
         announce(f"Written: {tradeoff(self.data, parser, self.output, seconds, executor)}")
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
@@ -10,7 +10,7 @@ from typing import Any
 import cv2
 import numpy as np
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Bool
 from torch import Tensor
 
 from desplat_ns.backend.protocol import Rendering, View
@@ -22,7 +22,7 @@ from desplat_ns.core.run_files import RunFiles
 from desplat_ns.core.whole import plain_errors, whole_folder, write_whole
 from desplat_ns.model import DeSplatModel
 from desplat_ns.photo_tourism.shown_light import mixed_light
-from desplat_ns.tools.export.formats import UPRIGHT, Frame, Naming, format_of
+from desplat_ns.tools.export.formats import UPRIGHT, FrameName, Naming, format_of
 from desplat_ns.tools.export.gltf import glb_bytes
 from desplat_ns.tools.export.masks import dilated, distractor_mask, mask_names, photos_on_disk
 from desplat_ns.tools.export.ply import ply_bytes
@@ -45,7 +45,7 @@ and the opacity from which a pixel shows something at a depth."""
 
 
 def export_splats(
-    files: RunFiles, output: Path, frame: Frame, crop: float | None, light: str | None
+    files: RunFiles, output: Path, frame: FrameName, crop: float | None, light: str | None
 ) -> None:
     """Write the static Gaussians of a run; say how many, how large, and what was left out. Takes
     what `desplat-export splats` takes. Raises as `load_run`, `static_cloud`."""
@@ -137,11 +137,12 @@ def static_cloud(
         )
         if crop is None:
             return cloud, rows
-        with_depth = model.render_settings(depth=True)
-        views = [view_of(cameras[i : i + 1]) for i in even_subset(len(cameras), MOST_CROP_VIEWS)]
-        kept = within(
-            cloud.means, views, lambda view: model.rasterizer(splats, view, with_depth), crop
-        )
+        with_depth, kept = model.render_settings(depth=True), np.zeros(len(cloud), bool)
+        for index in even_subset(len(cameras), MOST_CROP_VIEWS):
+            view = view_of(cameras[index : index + 1])
+            reach = reach_of(view, lambda small: model.rasterizer(splats, small, with_depth))
+            place = view.center.double().cpu().numpy()
+            kept |= np.square(cloud.means - place).sum(axis=1) <= (crop * (reach or 0.0)) ** 2
     if not kept.any():
         raise ConfigError(
             f"--crop {crop:g} leaves none of {len(cloud)} Gaussians. Give a larger number, such as "
@@ -162,22 +163,6 @@ def shown_in(model: DeSplatModel, light: str | None) -> Any:
             f"--light is '{light}', but this run has the same light in every photo. Leave it out."
         )
     return model.shown_in(mixed_light(light, model.names, effects, "--light"))
-
-
-def within(
-    means: Float[np.ndarray, "N 3"],
-    views: Iterable[View],
-    rasterize: Callable[[View], Rendering],
-    factor: float,
-) -> Bool[np.ndarray, " N"]:
-    """Which points lie no farther from some camera than `factor` times its `reach_of`."""
-    kept = np.zeros(len(means), bool)
-    for view in views:
-        reach = reach_of(view, rasterize)
-        if reach is not None:
-            place = view.center.double().cpu().numpy()
-            kept |= np.square(means - place).sum(axis=1) <= (factor * reach) ** 2
-    return kept
 
 
 def reach_of(view: View, rasterize: Callable[[View], Rendering]) -> float | None:

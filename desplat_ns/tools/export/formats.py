@@ -11,7 +11,7 @@ from typing import Literal
 
 from desplat_ns.core.errors import ConfigError
 
-Frame = Literal["upright", "capture", "training"]
+FrameName = Literal["upright", "capture", "training"]
 """In which coordinates a file is; see `splat_cloud.similarity_to`."""
 Naming = Literal["colmap", "nerfstudio"]
 """Of masks. colmap: photo.jpg.png. nerfstudio: photo.png, in place of the photo's own ending."""

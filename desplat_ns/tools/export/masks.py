@@ -71,12 +71,9 @@ def mask_names(photos: Sequence[str], naming: Naming) -> list[str]:
     return names
 
 
-ToPhoto = Callable[[Float[np.ndarray, "h w"]], Float[np.ndarray, "H W"]]
-
-
-def pinhole_of(camera: Cameras) -> tuple[Cameras, ToPhoto]:
+def pinhole_of(camera: Cameras) -> tuple[Cameras, Callable[[np.ndarray], np.ndarray]]:
     """The pinhole [1] that sees all that the photo of a camera [1] shows, at the same focal
-    lengths, and what makes of its images what the lens shows; 0 where the pinhole sees nothing."""
+    lengths, and what makes of its images [h, w] what the lens shows [H, W], 0 outside of them."""
     if not is_distorted(camera):
         return camera, lambda image: image
     rays = _slopes(camera)

@@ -21,7 +21,7 @@ from desplat_ns.backend.spherical_harmonics import sh_basis
 from desplat_ns.core.errors import ConfigError
 from desplat_ns.gaussians.activation import MAX_LOG_SCALE
 from desplat_ns.photo_tourism.appearance import as_harmonics
-from desplat_ns.tools.export.formats import Axes, Frame
+from desplat_ns.tools.export.formats import Axes, FrameName
 
 MAX_DEGREE = 3
 """Of the spherical harmonics that PLY, SPZ and glTF readers take."""
@@ -124,7 +124,7 @@ class Similarity:
 
 
 def similarity_to(
-    frame: Frame, transform: Float[np.ndarray, "3 4"], scale: float, upright_axes: Axes
+    frame: FrameName, transform: Float[np.ndarray, "3 4"], scale: float, upright_axes: Axes
 ) -> Similarity:
     """From the coordinates of training to those of a file.
 

@@ -117,7 +117,11 @@ def _copy(folder: Path, photo: Photo, copies: Path, longest_side: int) -> tuple[
     write_picture(copies.with_name("masks") / f"{photo.copy}.png", alpha)
     if (alpha < 255).any():
         photo = replace(photo, name=f"{photo.name.removesuffix('.jpg')}.png")
-    seen = replace(photo, width=width, height=height, sharpness=round(_sharpness(pixels), 2))
+    grey = cv2.cvtColor(pixels, cv2.COLOR_RGB2GRAY)
+    reduced = min(1.0, SHARPNESS_SIDE / max(grey.shape))
+    grey = cv2.resize(grey, None, fx=reduced, fy=reduced, interpolation=cv2.INTER_AREA)
+    sharpness = round(float(cv2.Laplacian(grey, cv2.CV_64F).var()), 2)
+    seen = replace(photo, width=width, height=height, sharpness=sharpness)
     seen = replace(seen, camera=lens.name, focal_35mm=lens.focal_35mm)
     return seen, hashlib.sha1(image.tobytes()).hexdigest()
 
@@ -163,14 +167,6 @@ def shows_two_circles(small: Float32[np.ndarray, "256 512 3"]) -> bool:
     ring, outside = (radius > 0.6) & (radius < 0.9), radius > 1.1
     halves = bright[:, :256], bright[:, 256:]
     return all(half[ring].mean() > 0.6 and half[outside].mean() < 0.05 for half in halves)
-
-
-def _sharpness(pixels: UInt8[np.ndarray, "H W 3"]) -> float:
-    """Variance of the Laplacian of a photo's grey values, at `SHARPNESS_SIDE` pixels at most."""
-    grey = cv2.cvtColor(pixels, cv2.COLOR_RGB2GRAY)
-    scale = min(1.0, SHARPNESS_SIDE / max(grey.shape))
-    small = cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
-    return float(cv2.Laplacian(small, cv2.CV_64F).var())
 
 
 def prepare_masks(mask: Path, photos: Sequence[Photo], copies: Path) -> int:

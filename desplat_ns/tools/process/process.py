@@ -22,6 +22,7 @@ from typing import Any
 
 from desplat_ns.core.console import announce, list_names
 from desplat_ns.core.errors import CaptureError, ConfigError
+from desplat_ns.core.options import option_of
 from desplat_ns.core.whole import IN_USE, check_room, only_process_in, write_whole
 from desplat_ns.tools.process.photos import Photo, group_by_camera, prepare_masks, prepare_photos
 from desplat_ns.tools.process.reconstruction import FEW, PLAIN, THOROUGH, Attempt, reconstruct
@@ -44,7 +45,9 @@ def process(request: Request, names: Sequence[str]) -> None:
     an earlier call stopped; says what came out. Raises ConfigError where the output folder will not
     do, the disk is full, or pycolmap failed, and keeps what is done; CaptureError where too few
     photos can be used, or nothing ties them together, and leaves nothing."""
-    output, asked = request.output, request.lasting()
+    output, asked = request.output, {"PHOTOS": str(request.photos.resolve())}
+    for name in ("longest_side", "cameras", "camera_model", "mask", "frames"):
+        asked[option_of(name)] = str(getattr(request, name))
     for name in names or [""]:  # a file of another size is not the same any more
         asked[name or request.photos.name] = f"{(request.photos / name).stat().st_size} bytes"
     with only_process_in(output):
@@ -243,9 +246,8 @@ def report_lines(output: Path, findings: Mapping[str, Any]) -> list[str]:
     folder = shlex.quote(str(output))
     train = f"Train with: ns-train desplat --data {folder} --timestamp run --vis tensorboard"
     bent = (
-        "Warning: this reprojection error is about twice the usual or more: poses are off by "
-        "percents of the scene, or by tenths, and not worth training. It comes from zoom that "
-        "changes (try --cameras photo, with another OUTPUT), a rolling shutter, pictures of 360 "
-        "degrees, or things that move."
+        "Warning: this reprojection error is about twice the usual or more: poses are off, and not "
+        "worth training. It comes from zoom that changes (try --cameras photo, with another "
+        "OUTPUT), a rolling shutter, pictures of 360 degrees, or things that move."
     )
     return [*lines, bent if findings["is_bent"] else train]

@@ -8,7 +8,7 @@ photos that share nothing, are left out.
 How alike photos look follows from their features alone, by VLAD (Jégou et al., Aggregating Local
 Descriptors into a Compact Image Representation, CVPR 2010): the features of a photo are summed up
 as their differences from the nearest of a few words, which are learned from the same photos.
-Letters in shapes: N photos, F features, D numbers of a descriptor, W words.
+Letters in shapes: N photos, D numbers of a descriptor.
 """
 
 from __future__ import annotations
@@ -291,20 +291,16 @@ def similarities(
     criteria = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 20, 1e-4)
     labels, most = np.empty((0,), np.int32), min(WORDS, len(samples))
     words = cv2.kmeans(samples, most, labels, criteria, 1, cv2.KMEANS_PP_CENTERS)[2]
-    vectors = np.stack([_vlad(photo.astype(np.float32), words) for photo in photos])
-    return vectors @ vectors.T
-
-
-def _vlad(
-    features: Float32[np.ndarray, "F D"], words: Float32[np.ndarray, "W D"]
-) -> Float32[np.ndarray, " WD"]:
-    """One vector of length 1, or of zeros without features."""
-    # |f - w|^2 without |f|^2, which is the same for all words
-    nearest = ((words**2).sum(1) - 2 * features @ words.T).argmin(1)
-    sums = np.zeros_like(words)
-    np.add.at(sums, nearest, features - words[nearest])
-    vector = (sums / np.maximum(np.linalg.norm(sums, axis=1, keepdims=True), 1e-9)).ravel()
-    return vector / max(float(np.linalg.norm(vector)), 1e-9)
+    vectors = []
+    for photo in photos:
+        features = photo.astype(np.float32)
+        # |f - w|^2 without |f|^2, which is the same for all words
+        nearest = ((words**2).sum(1) - 2 * features @ words.T).argmin(1)
+        sums = np.zeros_like(words)
+        np.add.at(sums, nearest, features - words[nearest])
+        vector = (sums / np.maximum(np.linalg.norm(sums, axis=1, keepdims=True), 1e-9)).ravel()
+        vectors.append(vector / max(float(np.linalg.norm(vector)), 1e-9))
+    return np.stack(vectors) @ np.stack(vectors).T
 
 
 def verified_pairs(database: Path) -> tuple[int, list[tuple[str, str, int]]]:

@@ -14,14 +14,8 @@ import tyro
 
 from desplat_ns.core.console import announce, list_names, text_of
 from desplat_ns.core.errors import CaptureError, ConfigError
-from desplat_ns.core.options import check_ranges, option_of, ranged
-from desplat_ns.data.photo_files import (
-    PHOTO_SUFFIXES,
-    begin_folder,
-    file_names,
-    is_photo,
-    photo_names,
-)
+from desplat_ns.core.options import check_ranges, ranged
+from desplat_ns.data.photo_files import begin_folder, file_names, is_photo, photo_names
 
 Cameras = Literal["auto", "one", "folder", "photo"]
 CameraModel = Literal["auto", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "OPENCV_FISHEYE"]
@@ -71,12 +65,6 @@ class Request:
 
         process(self, names)
 
-    def lasting(self) -> dict[str, str]:
-        """The options that a second call must share with the first, by their names."""
-        names = ("longest_side", "cameras", "camera_model", "mask", "frames")
-        asked = {"PHOTOS": str(self.photos.resolve())}
-        return asked | {option_of(name): str(getattr(self, name)) for name in names}
-
     @property
     def is_video(self) -> bool:
         """Whether PHOTOS is a file."""
@@ -120,7 +108,7 @@ def find_photos(photos: Path, output: Path, mask: Path | None = None) -> list[st
     raise CaptureError(
         f"{photos} has {len(names)} photos among its {len(files)} files "
         f"({list_names(names or files, 5)}). At least {MIN_PHOTOS} are needed, better 20 and more, "
-        f"from many places ({', '.join(sorted(PHOTO_SUFFIXES))}). A video is named by itself."
+        "from many places. A video is named by itself."
     )
 
 

@@ -61,6 +61,7 @@ def shown_of(run: LoadedRun, most_training: int, most_held_out: int) -> dict[str
     num_photos = len(manager.train_image_names)
     photos = list(training_photos(pipeline, even_subset(num_photos, most_training)))
     results, held_out = held_out_photos(pipeline, most_held_out)
+    survey = run.files.folder / SURVEY
     return {
         "experiment": str(config.experiment_name),
         "method": str(config.method_name),
@@ -77,17 +78,9 @@ def shown_of(run: LoadedRun, most_training: int, most_held_out: int) -> dict[str
         "disputed": disputed_places(model.means, [p.unlike for p in photos if p.unlike]),
         "alone": seen_alone(pipeline),
         "effects": model.effects,
-        "survey": read_survey(run.files.folder / SURVEY),
+        "survey": json.loads(survey.read_text("utf8")) if survey.is_file() else None,
         "in_the_way": model.photos_with_distractors(),
     }
-
-
-def read_survey(path: Path) -> dict[str, Any] | None:
-    """A survey's findings as they were written; None if there are none that can be read."""
-    try:
-        return json.loads(path.read_text("utf8"))
-    except (OSError, ValueError):
-        return None
 
 
 def report_html(shown: Mapping[str, Any], scene: str = "") -> str:

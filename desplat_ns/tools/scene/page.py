@@ -115,10 +115,7 @@ def scene_html(contents: PageScene, most: int) -> tuple[str, list[str]]:
         if len(page(*scene, others).encode()) > limit:
             others.pop()
             break
-    lines = [told, contents.not_shown, reduced]
-    if reduced and len(others) < len(contents.other_lights):
-        lines.append(f"Room for {len(others)} of {len(contents.other_lights)} other lights.")
-    return page(*scene, others), [line for line in lines if line]
+    return page(*scene, others), [line for line in (told, contents.not_shown, reduced) if line]
 
 
 def script() -> str:

@@ -23,7 +23,6 @@ from desplat_ns.tools.studies.records import FILE, RUNS, Key, Record, conditions
 from desplat_ns.tools.studies.runs import Executor, Run
 
 TEMPLATE = Path(__file__).with_name("table.md.jinja")
-FIRST_SEED = 42
 
 
 class Smoke(NamedTuple):
@@ -89,8 +88,8 @@ def reproduce(
     folder will not do, DeSplatError where runs failed; the table is written without them."""
     with only_process_in(output):
         records = open_records(output)
-        numbers = range(FIRST_SEED, FIRST_SEED + seeds)
-        grid = Grid(table, *find_contents(table, data, smoke), methods, numbers, smoke)
+        contents = find_contents(table, data, smoke)
+        grid = Grid(table, *contents, methods, range(42, 42 + seeds), smoke)
         runs = grid.runs.values()
 
         def left() -> str:
@@ -175,19 +174,14 @@ def smaller(scene: PaperScene, side: int) -> PaperScene:
     return replace(scene, downscale=2 ** max(0, math.ceil(math.log2(longest / side))))
 
 
-Cell = dict[str, Any]
-"""A figure of a method on a scene or on `MEAN`: `scene`, `method`, `metric`, `values` (one for each
-seed that is done), `mean`, `paper`, `difference` (ours less the paper's). The last two are None
-where the paper has no figure, and in a smoke run."""
-
-
-def cells_of(grid: Grid, records: dict[Key, Record]) -> dict[tuple[str, str, str], Cell]:
-    """All figures, and means where a seed has all scenes; by metric, method and scene."""
+def cells_of(grid: Grid, records: dict[Key, Record]) -> dict[tuple[str, str, str], dict[str, Any]]:
+    """All figures, and means where a seed has all scenes; by metric, method and scene. `values` are
+    those of the seeds, `difference` ours less the paper's, None where the paper has no figure."""
     scenes = [scene.name for scene in grid.scenes]
     is_whole = grid.smoke is not None or not grid.missing
 
     done = {at: records[run.key].scores for at, run in grid.runs.items() if run.key in records}
-    cells: dict[tuple[str, str, str], Cell] = {}
+    cells: dict[tuple[str, str, str], dict[str, Any]] = {}
     for metric, method in product(grid.table.metrics, grid.methods):
         columns = {
             scene: [metric.of(done.get((scene, method.name, seed), {})) for seed in grid.seeds]

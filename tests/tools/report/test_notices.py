@@ -1,16 +1,14 @@
 """What is said of a run, and when nothing is; why effects are on or off."""
 
 import html
-import json
 import re
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 from desplat_ns.core.effects import Effects
-from desplat_ns.tools.report.page import read_survey, report_html
+from desplat_ns.tools.report.page import report_html
 from desplat_ns.tools.report.views import Disputed
 from tests.helpers.report import contents, training_photo
 
@@ -77,13 +75,3 @@ def test_an_effect_has_the_surveys_reason():
 def test_an_effect_that_was_given_against_the_survey_says_so():
     (off, _), (affine, why), _ = effects(effects=Effects(False, "affine"))
     assert (off, affine) == ("off", "affine") and "would have said camera: Because." in why
-
-
-@pytest.mark.parametrize("content", ["", "{"])
-def test_findings_that_cannot_be_read_are_none(tmp_path: Path, content: str):
-    path = tmp_path / "survey.json"
-    path.write_text(content)
-    assert read_survey(path) is None
-    assert read_survey(tmp_path / "gone.json") is None
-    path.write_text(json.dumps(SURVEY))
-    assert read_survey(path) == SURVEY
