@@ -40,8 +40,6 @@ pycolmap.logging.minloglevel = pycolmap.logging.FATAL.value
 TERMS = ((10, "RADIAL"), (3, "SIMPLE_RADIAL"), (1, "SIMPLE_PINHOLE"))
 """From so many photos of one camera on: two, one or no term of radial distortion. A term of a
 single photo takes up whatever does not fit, up to values that no lens has."""
-GUESS = 1.2
-"""COLMAP's: of the longer side, the focal length where nothing is known."""
 PHOTOS_AT_ONCE, PAIRS_AT_ONCE = 2, 8
 """Of each core in one call, see `in_blocks`. A call takes 0.05 s more."""
 ALL_PAIRS_UP_TO = 200
@@ -50,9 +48,8 @@ OVERLAP = 10
 """Frames of a video that each is matched with before and after it; then every doubled distance."""
 LOOPS = 5
 """Of a video's frames further away, so many that look most alike."""
-WORDS = 64
-SAMPLES = 100_000
-"""Features that the words are learned from, at most."""
+WORDS, SAMPLES = 64, 100_000
+"""How many words there are, and the features that they are learned from, at most."""
 OFF_OF_SIDE = 0.003
 """Of the longer side: how far a match may be off its epipolar line, and how far apart positions may
 be that count as equal. 5 pixels of 1600."""
@@ -61,8 +58,6 @@ LEAST_ERROR, MOST_ERROR = 1.5, 4.0
 not the same, and focal lengths of ten tourists' photos came out at half of what they are."""
 LEAST_TOLERANCE = 2.0
 """Pixels between equal positions, for small photos."""
-SEED = 1
-"""Of COLMAP's random numbers: the same photos give the same poses on one thread."""
 MANY = 100
 """Matches of two photos that do not come about by chance."""
 FEW = 200
@@ -183,7 +178,7 @@ def enter_photos(
         fitting = next(name for least, name in TERMS if len(group) >= least)
         model = fitting if camera_model == "auto" else camera_model
         known = [photo.focal for photo in group if photo.focal]
-        focal = float(median(known)) if known else GUESS * max(size)
+        focal = float(median(known)) if known else 1.2 * max(size)  # COLMAP's guess
         start = pycolmap.Camera.create_from_model_name(0, model, focal, *size)
         if entered >= set(names):
             with pycolmap.Database.open(database) as db:
@@ -318,7 +313,7 @@ def map_photos(database: Path, photos: Path, models: Path, recipe: Recipe) -> li
     """Find poses and points from verified matches; the models, the one with most photos first."""
     options = pycolmap.IncrementalPipelineOptions()
     options.num_threads = cores()
-    options.random_seed = SEED
+    options.random_seed = 1  # on one thread the same photos give the same poses
     options.min_model_size = MIN_PHOTOS
     options.mapper.abs_pose_min_num_inliers = recipe.pose_inliers
     total, placed = len(feature_counts(database)), count(1)

@@ -42,8 +42,8 @@ def write_report(
     shown = shown_of(run, most_training, most_held_out)
     if with_scene:
         try:
-            page_scene = scene_of(run, most_training, most_held_out)
-            scene, left_out = scene_html(page_scene, SCENE_BYTES)
+            shown_scene = scene_of(run, most_training, most_held_out)
+            scene, left_out = scene_html(shown_scene, SCENE_BYTES)
         except (CaptureError, ConfigError) as error:
             left_out = [f"left out. {error}"]
         for line in left_out:
@@ -94,15 +94,15 @@ def report_html(shown: Mapping[str, Any], scene: str = "") -> str:
     sources = iter(fitted_into([*told, *of_photos], SOURCE_BYTES - len(scene)))
     where = next(sources) if told else ""
     drawn = [(photo, {name: next(sources) for name in photo.pictures}) for photo in photos]
-    shares = [photo.covered or 0.0 for photo in training]
+    shares = {photo.name: photo.covered or 0.0 for photo in training}
     return template(TEMPLATE, in_words=in_words, list_names=list_names).render(
         page=shown,
         scene=scene,
         training=drawn[: len(training)],
-        num_covered=sum(map(bool, shares)),
-        hidden=[photo.name for photo in training if (photo.covered or 0.0) > MUCH],
+        num_covered=sum(map(bool, shares.values())),
+        hidden=[name for name, share in shares.items() if share > MUCH],
         much=f"{MUCH:.0%}",
-        found_nothing=bool(shares) and fmean(shares) <= HARDLY,
+        found_nothing=bool(shares) and fmean(shares.values()) <= HARDLY,
         held_out=drawn[len(training) :],
         where=where,
         error_top=f"{ERROR_TOP:.0%}",

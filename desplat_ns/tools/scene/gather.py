@@ -137,7 +137,7 @@ def scene_of(
         raise CaptureError("The page has no photo to start from. Add --training-photos 50.")
     counts, not_shown = (len(training), len(held_out)), ""
     if counts != totals:
-        some, others = (f"{few} of {all}" for few, all in zip(counts, totals, strict=True))
+        some, others = (f"{few} of {whole}" for few, whole in zip(counts, totals, strict=True))
         not_shown = f"{some} training photos and {others} held-out ones are here, evenly chosen."
     cameras = []
     with (

@@ -68,9 +68,8 @@ def run_of(scene: PaperScene, method: Method, seed: int, smoke: Smoke | None = N
         protocol = "right" if has_no_light else scene.scoring
         options += ("--pipeline.evaluation.protocol", protocol)
         options += ("--pipeline.evaluation.lpips-net", LPIPS_NET)
-    variant = (
-        f"{scene.data_set}.{re.sub('[^a-z0-9]+', '-', scene.name.lower()).strip('-')}.{method.name}"
-    )
+    name = re.sub("[^a-z0-9]+", "-", scene.name.lower()).strip("-")
+    variant = f"{scene.data_set}.{name}.{method.name}"
     return Run(variant, method.method, options, steps, seed, scene.place, scene.parser)
 
 
