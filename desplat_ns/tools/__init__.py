@@ -1,3 +1,1 @@
-"""What no run needs: captures made of photos, downloads, exports, pages, studies and commands.
-
-Nothing outside of this room imports it."""
+"""What no run needs, and nothing outside imports: captures of photos, exports, pages, studies."""

@@ -51,13 +51,13 @@ def write_data_sets(folder: Path, spec: SceneSpec = TINY) -> None:
         "A6": write_mipnerf360,
     }
     for name, write in writers.items():
-        first, *others = (folder / s.data_set.name / s.folder for s in TABLES[name].scenes)
+        first, *others = (folder / s.data_set / s.folder for s in TABLES[name].scenes)
         write(scene, first)
         for other in others:
             shutil.copytree(first, other, copy_function=os.link)
     tourism = make_scene(changing_light(spec))
     for entry in TABLES["A5"].scenes:
-        write_photo_tourism(tourism, folder / entry.data_set.name / entry.folder)
+        write_photo_tourism(tourism, folder / entry.data_set / entry.folder)
 
 
 def changing_light(spec: SceneSpec) -> SceneSpec:

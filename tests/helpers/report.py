@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from desplat_ns.core.effects import Effects
 from desplat_ns.core.pages import Picture
-from desplat_ns.tools.report.notices import Notice
-from desplat_ns.tools.report.page import Contents, EffectReason
-from desplat_ns.tools.report.pictures import Photo
+from desplat_ns.distractors.config import DistractorConfig
+from desplat_ns.tools.report.pictures import ShownPhoto
 
 
 def noise(seed: int, width: int = 48, height: int = 32) -> np.ndarray:
@@ -26,37 +25,41 @@ def flat(color: tuple[int, int, int], width: int = 48, height: int = 32) -> np.n
 RED, BLUE, BLACK = (Picture(flat(color)) for color in ((200, 0, 0), (0, 0, 200), (0, 0, 0)))
 
 
-def plain_photo(name: str) -> Photo:
+def plain_photo(name: str) -> ShownPhoto:
     """A red training photo of a blue scene, in a run without distractors."""
-    return Photo(name, {"photo": RED, "rendering": BLUE})
+    return ShownPhoto(name, {"photo": RED, "rendering": BLUE})
 
 
-def training_photo(name: str, covered: float = 0.1) -> Photo:
+def training_photo(name: str, covered: float = 0.1) -> ShownPhoto:
     """The same, with distractors."""
     pictures = {"photo": RED, "rendering": BLUE, "distractors": BLACK, "mask": BLACK}
-    return Photo(name, pictures, covered)
+    return ShownPhoto(name, pictures, covered)
 
 
-def held_out_photo(name: str) -> Photo:
+def held_out_photo(name: str) -> ShownPhoto:
     """A photo that is scored 25 dB."""
     pictures = {"photo": RED, "rendering": BLUE, "error": BLACK}
-    return Photo(name, pictures, figures={"psnr": 25.0, "ssim": 0.9})
+    return ShownPhoto(name, pictures, figures={"psnr": 25.0, "ssim": 0.9})
 
 
-def contents(**changes: Any) -> Contents:
-    """A page's contents: three training photos, one held out."""
-    made_up = Contents(
-        experiment="yard",
-        method="desplat",
-        capture="photos/yard",
-        config="outputs/yard/desplat/run/config.yml",
-        steps=2000,
-        num_photos=3,
-        counts={"num_static_gaussians": 1200, "num_distractor_gaussians": 340},
-        notices=[Notice("Each photo was seen 5 times.", "Try --max-num-iterations 9000.")],
-        training=[training_photo(f"photo_{number}.png") for number in range(3)],
-        held_out=[held_out_photo("extra.png")],
-        results={"psnr": 25.0, "ssim": 0.9, "num_images": 1, "protocol": "full image"},
-        reasons=[EffectReason("Distractors", "on", "Something is in the way.")],
-    )
-    return replace(made_up, **changes)
+def contents(**changes: Any) -> dict[str, Any]:
+    """What a page shows: three training photos, one held out."""
+    return {
+        "experiment": "yard",
+        "method": "desplat",
+        "capture": "photos/yard",
+        "config": "outputs/yard/desplat/run/config.yml",
+        "steps": 2000,
+        "num_photos": 3,
+        "counts": {"num_static_gaussians": 1200, "num_distractor_gaussians": 340},
+        "planned": 2000,
+        "distractors": DistractorConfig(start="residual"),
+        "disputed": None,
+        "alone": {"photo_1.png": 0.2},
+        "training": [training_photo(f"photo_{number}.png") for number in range(3)],
+        "held_out": [held_out_photo("extra.png")],
+        "results": {"psnr": 25.0, "ssim": 0.9, "num_images": 1, "protocol": "full image"},
+        "effects": Effects(True, "camera", "off"),
+        "survey": None,
+        "in_the_way": ["a.jpg", "b.jpg"],
+    } | changes

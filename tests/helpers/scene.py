@@ -11,7 +11,7 @@ import torch
 from desplat_ns.backend.protocol import View
 from desplat_ns.backend.spherical_harmonics import C0
 from desplat_ns.tools.export.splat_cloud import SplatCloud
-from desplat_ns.tools.scene.gather import Contents, Light, PageCamera
+from desplat_ns.tools.scene.gather import Light, PageCamera, PageScene
 from tests.helpers import splat_files
 
 WIDTH, HEIGHT = 200, 150
@@ -71,10 +71,10 @@ def light(name: str, brighter: float = 0.2, of: SplatCloud | None = None) -> Lig
     return Light(name, (0.1, 0.2, 0.7), harmonics.astype(np.float32))
 
 
-def contents(**changes: Any) -> Contents:
+def contents(**changes: Any) -> PageScene:
     """A page's contents: two training photos, one with a distractor, and one held out."""
     grey = np.full((HEIGHT, WIDTH, 3), 90, np.uint8)
-    made_up = Contents(
+    made_up = PageScene(
         title="yard",
         date="2026-01-31",
         cloud=cloud(),

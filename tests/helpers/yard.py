@@ -135,20 +135,16 @@ class Features:
         return Features(database, self.copies, self.photos)
 
 
-def silent(*_: object) -> None:
-    """No progress."""
-
-
 def copied(photos: Path, folder: Path) -> list[Photo]:
     """The photos of a folder, copied as the first stage does."""
     names = sorted(path.name for path in photos.iterdir())
-    return prepare_photos(photos, names, folder, max(SIZE), 1, silent)
+    return prepare_photos(photos, names, folder, max(SIZE))
 
 
 def features_of(photos: Sequence[Photo], copies: Path, database: Path) -> Features:
     """The photos' plain features, in a new database."""
     enter_photos(database, copies, group_by_camera(photos, "auto"), "auto")
-    find_features(database, copies, PLAIN, 1, silent)
+    find_features(database, copies, PLAIN)
     return Features(database, copies, photos)
 
 

@@ -32,20 +32,12 @@ class OfRun:
 
 
 def run(command: Any, **options: Any) -> None:
-    """Read the options of a dataclass with `main`, or of a union of such, and call `main`; a user's
-    mistake has no traceback. `options`: of `tyro.cli`."""
+    """Read a dataclass's options, or a union's, by `tyro.cli` with `options`; call its `main`."""
     begin_run()
     name = Path(sys.argv[0]).name
     parsed = tyro.cli(command, prog=name, **options)
     _say_what_begins(name, parsed)
     parsed.main()
-
-
-def _say_what_begins(name: str, options: Any) -> None:
-    """Say in a line what a command does, by the help of its options: what it needs may take many
-    seconds to import."""
-    what, _, _ = " ".join(str(options.__doc__).split()).partition(". ")
-    announce(f"{name}: {what.rstrip('.')}.")
 
 
 def run_on_capture(command: Any, name: str) -> None:
@@ -57,10 +49,14 @@ def run_on_capture(command: Any, name: str) -> None:
     options.main(words)
 
 
+def _say_what_begins(name: str, options: Any) -> None:
+    """In a line, by the help: what a command needs may take many seconds to import."""
+    announce(f"{name}: {' '.join(str(options.__doc__).split()).partition('. ')[0].rstrip('.')}.")
+
+
 def split_words(command: Any, name: str, words: Sequence[str]) -> tuple[Any, tuple[str, ...]]:
-    """A command's options, and the data parser's words that follow them. `--data CAPTURE`, as
-    ns-train takes it, is the capture as well. Raises ConfigError where an option is not known, and
-    no data parser is named before it."""
+    """A command's options, and the data parser's words behind them; `--data CAPTURE`, as ns-train
+    takes it, is the capture. Raises ConfigError of an option that no data parser precedes."""
     words = [word.removeprefix("--data=") for word in words if word != "--data"]
     parsed, rest = tyro.cli(command, prog=name, args=words, return_unknown_args=True)
     if rest and rest[0].startswith("-"):

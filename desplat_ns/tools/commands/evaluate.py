@@ -40,14 +40,12 @@ class Evaluate(OfRun):
     learning_rate: float | None = None
     """Of the embedding."""
     lpips_net: LpipsNet | None = None
-    """Network of LPIPS. alex (AlexNet): as nerfstudio, on which the paper builds; vgg (VGG16): as
-    3DGS and what is built on it."""
+    """Of LPIPS: alex (AlexNet) as nerfstudio, vgg (VGG16) as 3DGS and what is built on it."""
     overwrite: bool = False
     """Replace the figures if they are there, and write into a folder that is not empty."""
 
     def main(self) -> None:
-        """Evaluate and write. Raises ConfigError where a path cannot be or is taken, or an option
-        is of no use here."""
+        """Evaluate and write. Raises ConfigError where a path cannot be or is taken."""
         files, pictures = self.find(), self.render_output_path
         check_new_file(self.output_path, self.overwrite, "--output-path")
         if pictures is not None:
@@ -72,10 +70,8 @@ class Evaluate(OfRun):
         }
         with plain_errors(self.output_path, "--output-path"):
             write_whole(self.output_path, json.dumps(record, indent=2).encode())
-        announce(
-            f"{in_words(results)}; means of {results['num_images']} held-out photos. Scored: "
-            f"{results['protocol']}."
-        )
+        announce(f"{in_words(results)}; means of {results['num_images']} held-out photos.")
+        announce(f"Scored: {results['protocol']}.")
         announce(f"Saved results to: {self.output_path}")
 
     def _with_protocol(self, config: Any) -> Any:

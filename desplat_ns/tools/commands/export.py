@@ -13,27 +13,32 @@ from desplat_ns.core.errors import ConfigError
 from desplat_ns.core.options import ranged
 from desplat_ns.core.whole import check_new_file, check_new_folder
 from desplat_ns.tools.commands import OfRun, run
-from desplat_ns.tools.export.formats import Frame, Naming, format_of
+from desplat_ns.tools.export.formats import FrameName, Naming, format_of
 
 
 @dataclass(kw_only=True)
-class Splats(OfRun):
+class OfScene(OfRun):
+    """What `splats` and `page` share."""
+
+    crop: float | None = ranged(None, "(0, inf)")
+    """Keep what is at most so many times as far from a camera as that camera looks (the median
+    depth of what it shows); 2 keeps the scene and drops what floats far beyond it."""
+    light: str | None = None
+    """Whose light is shown: `photo.jpg`, or a mix `a.jpg:0.7,b.jpg:0.3`; else the average."""
+    overwrite: bool = False
+    """Replace the file if it is there."""
+
+
+@dataclass(kw_only=True)
+class Splats(OfScene):
     """Write the static scene, without distractors, as splats: .ply, .spz or .glb."""
 
     output: Path
     """The file. Its ending chooses the format: .ply (everything reads it), .spz (an eighth of
     its size, rounded), .glb (glTF with KHR_gaussian_splatting, exact)."""
-    frame: Frame = "upright"
+    frame: FrameName = "upright"
     """upright: as viewers expect it of the format, in the capture's scale. capture: the capture's
     own coordinates, to lay over its points. training: nerfstudio's, as ns-export."""
-    crop: float | None = ranged(None, "(0, inf)")
-    """Keep what is at most so many times as far from a camera as that camera looks (the median
-    depth of what it shows); 2 keeps the scene and drops what floats far beyond it."""
-    light: str | None = None
-    """Where photos have a light of their own: whose, `photo.jpg`, or `a.jpg:0.7,b.jpg:0.3` for a
-    mix. Without it, their average."""
-    overwrite: bool = False
-    """Replace the file if it is there."""
 
     def main(self) -> None:
         """Check what can be checked at once, then load and write. Raises DeSplatError."""
@@ -75,7 +80,7 @@ class Masks(OfRun):
 
 
 @dataclass(kw_only=True)
-class Page(OfRun):
+class Page(OfScene):
     """Write the scene itself as one HTML page: to walk around in, without a server or a network.
 
     It begins at the first training photo's camera. Photos can be laid over the scene, and what was
@@ -91,12 +96,6 @@ class Page(OfRun):
     megabytes: float = ranged(50.0, "(0, inf)")
     """Size of the page at most. Photos are made smaller, and Gaussians that show least are left out
     until it fits; the page says how many."""
-    crop: float | None = ranged(None, "(0, inf)")
-    """As of `splats`."""
-    light: str | None = None
-    """As of `splats`."""
-    overwrite: bool = False
-    """Replace the file if it is there."""
 
     def main(self) -> None:
         """As `Splats.main`."""
@@ -116,6 +115,4 @@ Command = (
     | Annotated[Page, tyro.conf.subcommand("page")]
     | Annotated[Masks, tyro.conf.subcommand("masks")]
 )
-
-
 main = partial(run, Command, description=__doc__)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -38,14 +39,11 @@ class Arguments:
     seeds: int = ranged(1, "[1, inf)")
     """Trainings of each method on each scene, whose figures are averaged."""
     executor: Literal["local", "ray"] = "local"
-    """Where trainings are done: here, or on Ray."""
-    ray_address: str | None = None
-    """Of a cluster; without one Ray is started here."""
+    """Where trainings are done: here, or on Ray: on the cluster that RAY_ADDRESS names, if any."""
     jobs: int = ranged(1, "[1, inf)")
     """Trainings beside each other. Times and speeds (A8, A9) are to be measured alone."""
     smoke: bool = False
-    """Try everything in minutes: 100 steps, photos of 160 pixels at most, whatever scenes are
-    there. The figures mean nothing."""
+    """Try everything in minutes: 100 steps, photos of 160 pixels. The figures mean nothing."""
 
     def main(self) -> None:
         """Check what can be checked at once, then make the table, say where it is. Raises
@@ -61,23 +59,16 @@ class Arguments:
 
         from desplat_ns.tools.studies.methods import method_config  # seconds: not before the checks
         from desplat_ns.tools.studies.reproduce import Smoke, reproduce
-        from desplat_ns.tools.studies.runs import Executor
+        from desplat_ns.tools.studies.runs import RAY, Executor
 
-        is_here = self.ray_address is None
+        is_here = self.executor == "local" or RAY not in os.environ
         if is_here and not self.smoke and method_config("desplat").machine.device_type == "cpu":
             raise ConfigError(
                 "This machine has no GPU, on which the runs are meant to be done. Add --smoke to "
                 "try the same with few steps and small photos."
             )
-        folder = reproduce(
-            table,
-            self.data,
-            self.output,
-            methods,
-            self.seeds,
-            Executor(self.executor, self.jobs, self.ray_address),
-            Smoke() if self.smoke else None,
-        )
+        executor, smoke = Executor(self.executor, self.jobs), Smoke() if self.smoke else None
+        folder = reproduce(table, self.data, self.output, methods, self.seeds, executor, smoke)
         announce(f"Written: {folder / 'table.md'}, and table.json beside it.")
 
 

@@ -29,8 +29,7 @@ class Arguments:
     data: Annotated[Path, tyro.conf.Positional]
     """Folder of the capture; `--data DATA`, as in ns-train, says the same."""
     output: Path = Path("survey")
-    """Folder for survey.json (the findings with every figure and its threshold) and survey.png (a
-    sheet of the evidence)."""
+    """Folder for survey.json (findings, figures, thresholds) and survey.png (the evidence)."""
     overwrite: bool = False
     """Replace these two files if they are there."""
 

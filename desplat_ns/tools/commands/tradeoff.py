@@ -16,9 +16,6 @@ from desplat_ns.core.options import check_ranges, ranged
 from desplat_ns.core.schedule import seconds_of
 from desplat_ns.tools.commands import run_on_capture
 
-MOST_JOBS = 8
-"""Trainings beside each other, unless more are asked for."""
-
 
 @dataclass
 class Arguments:
@@ -34,15 +31,12 @@ class Arguments:
     time: str = "30min"
     """Wall time for the whole study, earlier sessions included."""
     output: Path = Path("tradeoff")
-    """Folder for the report, records.jsonl and what is trained. What is there already is gone on
-    with."""
+    """Folder for the report, records.jsonl and the runs. What is there already is gone on with."""
     jobs: int = ranged(0, "[0, inf)")
     """Trainings beside each other, one thread each; 0: one on a GPU, else one for each core, eight
     at most."""
     executor: Literal["local", "ray"] = "local"
-    """Where trainings are done: here, or on Ray."""
-    ray_address: str | None = None
-    """Of a cluster; without one Ray is started here."""
+    """Where trainings are done: here, or on Ray: on the cluster that RAY_ADDRESS names, if any."""
 
     def main(self, parser: tuple[str, ...]) -> None:
         """Check what can be checked at once, then measure by a data parser of this name and
@@ -58,8 +52,8 @@ class Arguments:
 
         # a GPU is shared badly, and times beside others mean little
         on_cpu = method_config(BASE).machine.device_type == "cpu"
-        jobs = self.jobs or (min(cores(), MOST_JOBS) if on_cpu else 1)
-        executor = Executor(self.executor, jobs, self.ray_address)
+        jobs = self.jobs or (min(cores(), 8) if on_cpu else 1)
+        executor = Executor(self.executor, jobs)
         announce(f"Written: {tradeoff(self.data, parser, self.output, seconds, executor)}")
 
 

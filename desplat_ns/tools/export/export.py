@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
@@ -10,7 +10,7 @@ from typing import Any
 import cv2
 import numpy as np
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Bool
 from torch import Tensor
 
 from desplat_ns.backend.protocol import Rendering, View
@@ -22,7 +22,7 @@ from desplat_ns.core.run_files import RunFiles
 from desplat_ns.core.whole import plain_errors, whole_folder, write_whole
 from desplat_ns.model import DeSplatModel
 from desplat_ns.photo_tourism.shown_light import mixed_light
-from desplat_ns.tools.export.formats import UPRIGHT, Frame, Naming, format_of
+from desplat_ns.tools.export.formats import UPRIGHT, FrameName, Naming, format_of
 from desplat_ns.tools.export.gltf import glb_bytes
 from desplat_ns.tools.export.masks import dilated, distractor_mask, mask_names, photos_on_disk
 from desplat_ns.tools.export.ply import ply_bytes
@@ -39,36 +39,28 @@ from desplat_ns.tools.loading import even_subset, load_run
 from desplat_ns.training.pipeline import DeSplatPipeline
 
 WRITERS = {".ply": ply_bytes, ".spz": spz_bytes, ".glb": glb_bytes}
-
-MOST_CROP_VIEWS = 100
-"""Training views that are looked through to find how far the cameras look."""
-
-SIDE = 64
-"""Pixels of the longer side of the renderings whose depth is looked at."""
-
-COVERED = 0.5
-"""Opacity from which a pixel shows something at a depth."""
+MOST_CROP_VIEWS, SIDE, COVERED = 100, 64, 0.5
+"""To find how far cameras look: training views at most, pixels of the longer side of a rendering,
+and the opacity from which a pixel shows something at a depth."""
 
 
 def export_splats(
-    files: RunFiles, output: Path, frame: Frame, crop: float | None, light: str | None
+    files: RunFiles, output: Path, frame: FrameName, crop: float | None, light: str | None
 ) -> None:
-    """Write the static Gaussians of a run; say how many, how large, and what was left out.
-
-    Arguments as of `desplat-export splats`. Raises as `load_run`, `static_cloud`.
-    """
+    """Write the static Gaussians of a run; say how many, how large, and what was left out. Takes
+    what `desplat-export splats` takes. Raises as `load_run`, `static_cloud`."""
     ending = format_of(output)
     pipeline = load_run(files, needs_photos=False).pipeline
     cloud, _ = static_cloud(pipeline, crop, light)
     known = pipeline.datamanager.remembered()
     transform, scale = known["transform"].numpy(), float(known["scale"])
     to_file = similarity_to(frame, transform, scale, UPRIGHT[ending])
-    cloud, left_out = moved(cloud, to_file), []
+    cloud, told = moved(cloud, to_file), list[str]()
     if frame == "capture":
         cloud = near_zero(cloud)
     if ending == ".spz":
-        near, told = placed(cloud)
-        cloud, left_out = cloud.rows(near), [told] if told else []
+        near, left_out = placed(cloud)
+        cloud, told = cloud.rows(near), [left_out] * bool(left_out)
     content, beside = WRITERS[ending](cloud), output.with_name(f"{output.name}.offset.txt")
     offset = " ".join(map(str, cloud.offset))
     with plain_errors(output):
@@ -76,37 +68,30 @@ def export_splats(
         beside.unlink(missing_ok=True)
         if offset:
             write_whole(beside, f"{offset}\n".encode())
-    announce(
-        f"Saved {output}: {len(cloud)} Gaussians with harmonics of degree {cloud.degree}, "
-        f"{len(content) / 1e6:.2f} MB."
-    )
+    megabytes = f"{len(content) / 1e6:.2f} MB"
+    announce(f"Saved {output}: {len(cloud)} Gaussians, degree {cloud.degree}, {megabytes}.")
     if pipeline.model.effects.background != "off":
-        left_out.append(
-            "The background behind the scene (the sky) is no Gaussians and is not in the file."
-        )
+        told.append("The background (the sky) is no Gaussians and is not in the file.")
     if cloud.antialiased and ending != ".spz":
-        left_out.append(
+        told.append(
             "The run was trained with `rasterize-mode antialiased`, which this format cannot say: "
             "switch antialiasing on in the viewer, or write .spz."
         )
     if offset:
-        left_out.append(
+        told.append(
             f"float32 is too coarse for the capture's coordinates: {output} has them without an "
             f"offset of {offset}, which stands in {beside}, in the comment of a .ply and as the "
             "translation of a .glb's node, which viewers that compute in float32 round."
         )
-    for what in left_out:
-        announce(what, warning=True)
+    for line in told:
+        announce(line, warning=True)
 
 
 def export_masks(
     files: RunFiles, output: Path, invert: bool, dilate: float, naming: Naming
 ) -> None:
-    """Write the distractor mask of every training photo as PNG, at the photo's full size.
-
-    Arguments as of `desplat-export masks`. Raises as `load_run` and `photos_on_disk`, and
-    ConfigError where the run has no distractors, or there is nowhere to write.
-    """
+    """Write the distractor mask of every training photo as PNG, at the photo's full size. Raises as
+    `load_run` and `photos_on_disk`, and ConfigError where the run has no distractors."""
     pipeline = load_run(files).pipeline
     model = pipeline.model
     if model.distractors is None:
@@ -136,10 +121,7 @@ def static_cloud(
     pipeline: DeSplatPipeline, crop: float | None, light: str | None
 ) -> tuple[SplatCloud, Bool[Tensor, " N"]]:
     """The static Gaussians that a file is to hold, in the coordinates of training, and which of the
-    model's they are; says what was left out. Arguments as of `desplat-export splats`.
-
-    Raises ConfigError: an unknown light, or nothing left.
-    """
+    model's they are; says what was left out. Raises ConfigError where nothing is left."""
     model = pipeline.model
     cameras = pipeline.datamanager.train_dataset.cameras.to(pipeline.device)
     with shown_in(model, light), torch.no_grad():
@@ -155,16 +137,16 @@ def static_cloud(
         )
         if crop is None:
             return cloud, rows
-        with_depth = model.render_settings(depth=True)
-        views = [view_of(cameras[i : i + 1]) for i in even_subset(len(cameras), MOST_CROP_VIEWS)]
-        kept = within(
-            cloud.means, views, lambda view: model.rasterizer(splats, view, with_depth), crop
-        )
+        with_depth, kept = model.render_settings(depth=True), np.zeros(len(cloud), bool)
+        for index in even_subset(len(cameras), MOST_CROP_VIEWS):
+            view = view_of(cameras[index : index + 1])
+            reach = reach_of(view, lambda small: model.rasterizer(splats, small, with_depth))
+            place = view.center.double().cpu().numpy()
+            kept |= np.square(cloud.means - place).sum(axis=1) <= (crop * (reach or 0.0)) ** 2
     if not kept.any():
         raise ConfigError(
-            f"--crop {crop:g} leaves none of {len(cloud)} Gaussians. Give a larger number; 2 "
-            "keeps what is up to twice as far away as the cameras look. Where nothing that they "
-            "show is solid yet, train longer."
+            f"--crop {crop:g} leaves none of {len(cloud)} Gaussians. Give a larger number, such as "
+            "2; where nothing that the cameras show is solid yet, train longer."
         )
     announce(f"--crop {crop:g} keeps {kept.sum()} of them and leaves out {(~kept).sum()}.")
     rows[rows.clone()] = torch.from_numpy(kept).to(rows.device)
@@ -178,38 +160,14 @@ def shown_in(model: DeSplatModel, light: str | None) -> Any:
     effects = model.image_effects
     if effects.appearance is None:
         raise ConfigError(
-            f"--light is '{light}', but the Gaussians of this run have the same colours in the "
-            "light of every photo. Leave it out."
+            f"--light is '{light}', but this run has the same light in every photo. Leave it out."
         )
     return model.shown_in(mixed_light(light, model.names, effects, "--light"))
 
 
-def within(
-    means: Float[np.ndarray, "N 3"],
-    views: Iterable[View],
-    rasterize: Callable[[View], Rendering],
-    factor: float,
-) -> Bool[np.ndarray, " N"]:
-    """Which points lie no farther from some camera than `factor` times its `reach_of`.
-
-    Args:
-        rasterize: the static scene with its depth.
-    """
-    kept = np.zeros(len(means), bool)
-    for view in views:
-        reach = reach_of(view, rasterize)
-        if reach is not None:
-            place = view.center.double().cpu().numpy()
-            kept |= np.square(means - place).sum(axis=1) <= (factor * reach) ** 2
-    return kept
-
-
 def reach_of(view: View, rasterize: Callable[[View], Rendering]) -> float | None:
     """Median depth of what a small version of a view shows, world units; None if that is nothing.
-
-    Args:
-        rasterize: the static scene with its depth.
-    """
+    `rasterize` draws the static scene with its depth."""
     factor = max(view.width, view.height) / SIDE
     scale = torch.tensor([1 / factor, 1 / factor, 1.0]).to(view.K)
     width, height = (max(1, round(side / factor)) for side in (view.width, view.height))

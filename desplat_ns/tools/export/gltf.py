@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import json
 import struct
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -18,7 +17,6 @@ from desplat_ns.backend.spherical_harmonics import C0
 from desplat_ns.tools.export.splat_cloud import SplatCloud, xyzw
 
 EXTENSION = "KHR_gaussian_splatting"
-
 COMPONENTS = {np.dtype("<f4"): 5126, np.dtype("u1"): 5121}
 KINDS = {1: "SCALAR", 3: "VEC3", 4: "VEC4"}
 """glTF's numbers of component types, and its names of columns."""
@@ -26,9 +24,36 @@ KINDS = {1: "SCALAR", 3: "VEC3", 4: "VEC4"}
 
 def glb_bytes(cloud: SplatCloud) -> bytes:
     """The file: a header, the JSON, the numbers. Nothing is lost beyond float32."""
-    attributes = dict(_attributes(cloud))
-    binary = b"".join(values.tobytes() for values in attributes.values())
-    document = _document(attributes, len(binary), cloud.offset)
+    attributes, accessors, views, binary = dict[str, int](), [], [], bytearray()
+    for name, values in _columns(cloud):
+        accessor = {"bufferView": len(views), "componentType": COMPONENTS[values.dtype]}
+        accessor |= {"count": len(values), "type": KINDS[values.shape[1]]}
+        if values.dtype == np.uint8:
+            accessor["normalized"] = True
+        if name == "POSITION":  # glTF asks for these of positions
+            accessor |= {"min": values.min(0).tolist(), "max": values.max(0).tolist()}
+        attributes[name] = len(accessors)
+        accessors.append(accessor)
+        views.append({"buffer": 0, "byteOffset": len(binary), "byteLength": values.nbytes})
+        binary += values.tobytes()
+    settings = {"kernel": "ellipse", "colorSpace": "srgb_rec709_display"}
+    settings |= {"projection": "perspective", "sortingMethod": "cameraDistance"}
+    primitive = {
+        "attributes": attributes,
+        "mode": 0,  # points, for what does not know the extension
+        "extensions": {EXTENSION: settings},
+    }
+    document = {
+        "asset": {"version": "2.0", "generator": f"desplat-ns {__version__}"},
+        "extensionsUsed": [EXTENSION],
+        "scene": 0,
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0} | ({"translation": cloud.offset} if cloud.offset else {})],
+        "meshes": [{"primitives": [primitive]}],
+        "accessors": accessors,
+        "bufferViews": views,
+        "buffers": [{"byteLength": len(binary)}],
+    }
     text = json.dumps(document, separators=(",", ":")).encode("ascii")
     text += b" " * (-len(text) % 4)
     chunks = struct.pack("<I4s", len(text), b"JSON") + text
@@ -36,7 +61,7 @@ def glb_bytes(cloud: SplatCloud) -> bytes:
     return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
 
 
-def _attributes(cloud: SplatCloud) -> Iterator[tuple[str, np.ndarray]]:
+def _columns(cloud: SplatCloud) -> Iterator[tuple[str, np.ndarray]]:
     """The columns of a point primitive; each is a whole number of 4 bytes long."""
     yield "POSITION", cloud.means.astype("<f4")
     colors = np.column_stack([C0 * cloud.harmonics[:, 0] + 0.5, cloud.opacities])
@@ -48,38 +73,3 @@ def _attributes(cloud: SplatCloud) -> Iterator[tuple[str, np.ndarray]]:
         for i in range(2 * degree + 1):
             name = f"{EXTENSION}:SH_DEGREE_{degree}_COEF_{i}"
             yield name, np.ascontiguousarray(cloud.harmonics[:, degree**2 + i], "<f4")
-
-
-def _document(
-    attributes: Mapping[str, np.ndarray], length: int, translation: Sequence[float]
-) -> dict[str, Any]:
-    """glTF's JSON: one mesh of one primitive, with an accessor and a view for each attribute."""
-    accessors, views, offset = [], [], 0
-    for i, (name, values) in enumerate(attributes.items()):
-        accessor = {"bufferView": i, "componentType": COMPONENTS[values.dtype]}
-        accessor |= {"count": len(values), "type": KINDS[values.shape[1]]}
-        if values.dtype == np.uint8:
-            accessor["normalized"] = True
-        if name == "POSITION":  # glTF asks for these of positions
-            accessor |= {"min": values.min(0).tolist(), "max": values.max(0).tolist()}
-        accessors.append(accessor)
-        views.append({"buffer": 0, "byteOffset": offset, "byteLength": values.nbytes})
-        offset += values.nbytes
-    settings = {"kernel": "ellipse", "colorSpace": "srgb_rec709_display"}
-    settings |= {"projection": "perspective", "sortingMethod": "cameraDistance"}
-    primitive = {
-        "attributes": {name: i for i, name in enumerate(attributes)},
-        "mode": 0,  # points, for what does not know the extension
-        "extensions": {EXTENSION: settings},
-    }
-    return {
-        "asset": {"version": "2.0", "generator": f"desplat-ns {__version__}"},
-        "extensionsUsed": [EXTENSION],
-        "scene": 0,
-        "scenes": [{"nodes": [0]}],
-        "nodes": [{"mesh": 0} | ({"translation": translation} if translation else {})],
-        "meshes": [{"primitives": [primitive]}],
-        "accessors": accessors,
-        "bufferViews": views,
-        "buffers": [{"byteLength": length}],
-    }

@@ -1,8 +1,6 @@
-"""Distractor masks over the photos as they lie on disk: at their full size, bent by their lens,
-under the names that others look for.
+"""Distractor masks over the photos as they lie on disk: at their full size, through their lens.
 
-Renderings are made through a pinhole; photos were taken through a lens. Letters in shapes: H x W
-pixels of the photo, h x w of the pinhole's image.
+Letters in shapes: H x W pixels of the photo, h x w of the pinhole's image, which is rendered.
 """
 
 from __future__ import annotations
@@ -30,21 +28,15 @@ from desplat_ns.training.datamanager import DeSplatDataManager
 
 WIDEST = 5.0
 """Tangent of the angle from the optical axis beyond which a pinhole is not drawn (79 degrees)."""
-
 MARGIN = 1
 """Pixels around what is seen, for interpolation at the border."""
-
 CRITERIA = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 50, 1e-9)
 """When inverting a lens model stops; OpenCV's default of 5 rounds is off by pixels in corners."""
 
 
 def photos_on_disk(manager: DeSplatDataManager) -> Iterator[tuple[str, Cameras]]:
     """Of each training photo, in the order of the views: its path below the photos' folder, and the
-    camera [1] at the photo's full size, with its distortion.
-
-    Raises:
-        CaptureError: a photo that cannot be read any more.
-    """
+    camera [1] at its full size, with its distortion. Raises CaptureError of a lost photo."""
     outputs, parser = manager.train_dataparser_outputs, manager.dataparser
     paths = outputs.image_filenames
     names = image_names(paths)
@@ -71,8 +63,7 @@ def mask_names(photos: Sequence[str], naming: Naming) -> list[str]:
     if naming == "colmap":
         return [f"{photo}.png" for photo in photos]
     names = [str(PurePosixPath(photo).with_suffix(".png")) for photo in photos]
-    twice = [name for name, count in Counter(names).items() if count > 1]
-    if twice:
+    if twice := [name for name, count in Counter(names).items() if count > 1]:
         raise ConfigError(
             f"--names {naming} calls the masks of several photos the same: {list_names(twice)}. "
             "Add `--names colmap`, which keeps the photos' endings."
@@ -80,12 +71,9 @@ def mask_names(photos: Sequence[str], naming: Naming) -> list[str]:
     return names
 
 
-ToPhoto = Callable[[Float[np.ndarray, "h w"]], Float[np.ndarray, "H W"]]
-
-
-def pinhole_of(camera: Cameras) -> tuple[Cameras, ToPhoto]:
+def pinhole_of(camera: Cameras) -> tuple[Cameras, Callable[[np.ndarray], np.ndarray]]:
     """The pinhole [1] that sees all that the photo of a camera [1] shows, at the same focal
-    lengths, and what makes of its images what the lens shows; 0 where the pinhole sees nothing."""
+    lengths, and what makes of its images [h, w] what the lens shows [H, W], 0 outside of them."""
     if not is_distorted(camera):
         return camera, lambda image: image
     rays = _slopes(camera)

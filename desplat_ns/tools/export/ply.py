@@ -1,7 +1,4 @@
-"""Gaussians as PLY, with the properties that 3DGS writes: what every viewer reads.
-
-Letters in shapes: N Gaussians.
-"""
+"""Gaussians as PLY, with the properties that 3DGS writes: what every viewer reads."""
 
 from __future__ import annotations
 

@@ -21,23 +21,19 @@ from desplat_ns.backend.spherical_harmonics import sh_basis
 from desplat_ns.core.errors import ConfigError
 from desplat_ns.gaussians.activation import MAX_LOG_SCALE
 from desplat_ns.photo_tourism.appearance import as_harmonics
-from desplat_ns.tools.export.formats import Axes, Frame
+from desplat_ns.tools.export.formats import Axes, FrameName
 
 MAX_DEGREE = 3
 """Of the spherical harmonics that PLY, SPZ and glTF readers take."""
-
 TOO_WIDE = math.exp(MAX_LOG_SCALE) / 2
 """World units. Wider Gaussians are culled in every view."""
-
 OFF_BY = 1 / 32
 """Of its scale, by which a Gaussian's place may be off along an axis: as far as the rounding of the
 scale in SPZ, by 1/32 of its logarithm, moves the Gaussian's edge. Coarser places cost more than all
 other rounding, finer ones gain nothing (docs/results/quality.md)."""
-
 PRECISE = 0.9
 """Of the Gaussians, so many are to be in place so well, by the middle one of their three scales:
 nobody sees where along the smallest one a disc lies."""
-
 FAR = 0.01
 """Of the Gaussians, so many may lie too far away for that: more are a part of the scene."""
 
@@ -87,22 +83,15 @@ def xyzw(quats: Float[np.ndarray, "N 4"]) -> Float[np.ndarray, "N 4"]:
 
 @torch.no_grad()
 def shown_anywhere(splats: Splats) -> Bool[Tensor, " N"]:
-    """Which Gaussians some view may show: none that are broken, beyond the far plane, wider than
-    `TOO_WIDE`, or fainter than a pixel's cut-off."""
+    """Which Gaussians some view may show: finite ones, not too far, wide or faint to be drawn."""
     near = splats.means.abs().amax(-1) < FAR_PLANE
     drawn = near & (splats.scales.amax(-1) <= TOO_WIDE) & (splats.opacities >= ALPHA_CUTOFF)
     return is_finite(splats) & drawn
 
 
 def baked(splats: Splats, antialiased: bool) -> SplatCloud:
-    """Gaussians of a model as a file holds them, those that are `shown_anywhere`.
-
-    Args:
-        splats: activated, with the colours of one light.
-
-    Raises:
-        ConfigError: nothing is left.
-    """
+    """Gaussians of a model, activated, with the colours of one light, as a file holds them: those
+    that are `shown_anywhere`. Raises ConfigError where that is none."""
     shown = shown_anywhere(splats)
     if not shown.any():
         raise ConfigError(
@@ -117,8 +106,7 @@ def baked(splats: Splats, antialiased: bool) -> SplatCloud:
 
 
 def harmonics_of(splats: Splats) -> Float[np.ndarray, "N K 3"]:
-    """Coefficients as a file holds them: without those that are not evaluated yet, and those above
-    degree `MAX_DEGREE`."""
+    """Coefficients as files hold them: those that are evaluated yet, up to degree `MAX_DEGREE`."""
     splats = as_harmonics(splats)
     assert splats.sh_degree is not None
     bases = (min(splats.sh_degree, MAX_DEGREE) + 1) ** 2
@@ -136,17 +124,14 @@ class Similarity:
 
 
 def similarity_to(
-    frame: Frame, transform: Float[np.ndarray, "3 4"], scale: float, upright_axes: Axes
+    frame: FrameName, transform: Float[np.ndarray, "3 4"], scale: float, upright_axes: Axes
 ) -> Similarity:
     """From the coordinates of training to those of a file.
 
     training: as it is. upright: the capture's scale, the scene's up as the file's up, the origin of
-    training. capture: the capture's own coordinates, to lay over its points.
-
-    Args:
-        transform: the dataparser's: the capture's coordinates to those of training, before scaling.
-        scale: the dataparser's.
-        upright_axes: from nerfstudio's axes (z up) to the file's.
+    training. capture: the capture's own coordinates, to lay over its points. `transform` and then
+    `scale` are the dataparser's, from there to training; `upright_axes` lead from nerfstudio's axes
+    (z up) to the file's.
     """
     if frame == "training":
         return Similarity(np.eye(3), 1.0, np.zeros(3))

@@ -18,16 +18,12 @@ from desplat_ns.core.errors import ConfigError
 from desplat_ns.tools.export.splat_cloud import FAR, OFF_BY, SplatCloud, xyzw
 
 MAGIC, VERSION, ANTIALIASED = 0x5053474E, 3, 0x1
-
 LARGEST = 2**23 - 1
 """Of a coordinate: 24 bits, signed."""
-
 MAX_FRACTIONAL_BITS = 20
 """A millionth of a unit."""
-
 COLOR_SCALE = 0.15
 """Of zeroth coefficients, so that colours somewhat beyond [0, 1] fit into a byte."""
-
 SH_STEPS = (2, 4)
 """Of 128ths, for degree one and those above: 7 and 6 bits. The reference implementation's 5 and 4
 make a file a third smaller and, where harmonics are small as in short runs, 33 dB of 50
@@ -40,10 +36,8 @@ def spz_bytes(cloud: SplatCloud) -> bytes:
     Largest errors: of a coordinate half a step, 2^-bits / 2 (see `fractional_bits`): the larger of
     2^-21 and 1.2e-7 (1 / LARGEST) of the largest coordinate. 1/32 of a scale's logarithm (between
     e^-10 and e^5.9), 1/510 of an opacity, 1/76 of a zeroth coefficient (within 3.3), 1/64 of the
-    others (of degree one 1/128; within 1). How large that is beside Gaussians: see `placed`.
-
-    Raises:
-        ConfigError: coordinates are too large for the format.
+    others (of degree one 1/128; within 1). How large that is beside Gaussians: see `placed`. Raises
+    ConfigError where coordinates are too large for the format.
     """
     farthest = float(np.abs(cloud.means).max(initial=0.0))
     bits = fractional_bits(farthest)

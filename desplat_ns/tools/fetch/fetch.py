@@ -1,13 +1,12 @@
-"""Fetch a data set: what is missing of it is downloaded, going on where a download ended, and
-unpacked."""
+"""Fetch a data set: download what is missing, from where a download ended on, and unpack it."""
 
 from __future__ import annotations
 
 import shutil
+import tarfile
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import requests
 
@@ -25,16 +24,8 @@ MEGABYTE = 10**6
 
 def fetch(source: Source, folder: Path) -> list[Path]:
     """Download and unpack what is not there into the data set's own folder, which is made in
-    `folder`. What was begun is gone on with.
-
-    Returns:
-        The folders of its captures.
-
-    Raises:
-        CaptureError: see `download` and `unpack`; or there is no capture in it.
-        ConfigError: nothing can be written there, the disk will not hold it, or another process is
-            at work there.
-    """
+    `folder`; the folders of its captures. What was begun is gone on with. Raises as `download` and
+    `unpack`, CaptureError where there is no capture in it, ConfigError as `only_process_in`."""
     home = folder / source.folder
     with only_process_in(home):
         for address in source.files:
@@ -69,23 +60,16 @@ def _fetch_file(address: str, home: Path) -> None:
 def unpack(archive: Path, folder: Path) -> None:
     """Unpack a `.zip`, or a `.tar` of any compression, into a folder, beside what is in it: nothing
     goes elsewhere, and nothing is seen before all of it is there. Where all of it lies in one
-    folder of this folder's name, that level is left out.
-
-    Raises:
-        CaptureError: it is damaged, it would write elsewhere, the disk is full, or something of it
-            is there already.
-    """
+    folder of this folder's name, that level is left out. Raises CaptureError where it is damaged or
+    would write elsewhere, the disk is full, or something of it is there already."""
     unpacked = folder / f".{archive.name}.unpacking"
     shutil.rmtree(unpacked, ignore_errors=True)
-    # Python's zip archives leave out names that lead elsewhere; its tar archives have a filter.
-    safely: dict[str, Any] = {} if archive.suffix == ".zip" else {"filter": "data"}
     try:
         try:
-            shutil.unpack_archive(archive, unpacked, **safely)
+            _extract(archive, unpacked)
         except Exception as error:  # damage has many names, of several modules
             raise CaptureError(
-                f"'{archive}' could not be unpacked ({error}). Make room if the disk is full, else "
-                "remove it; then fetch it again."
+                f"'{archive}' could not be unpacked ({error}). Make room, or fetch it anew."
             ) from error
         shutil.rmtree(unpacked / "__MACOSX", ignore_errors=True)
         inner = unpacked / folder.name
@@ -101,18 +85,26 @@ def unpack(archive: Path, folder: Path) -> None:
         shutil.rmtree(unpacked, ignore_errors=True)
 
 
+def _extract(archive: Path, folder: Path) -> None:
+    """Unpack into a folder alone. Raises errors of many kinds."""
+    if archive.suffix == ".zip":
+        shutil.unpack_archive(archive, folder)  # leaves out names that lead elsewhere
+        return
+    with tarfile.open(archive) as file:
+        if hasattr(tarfile, "data_filter"):
+            file.extractall(folder, filter="data")
+            return
+        for member in file:  # Pythons before 3.11.4, as Debian 12's, have no filter
+            is_inside = (folder / member.name).resolve().is_relative_to(folder.resolve())
+            if not is_inside or not (member.isfile() or member.isdir()):
+                raise tarfile.ExtractError(f"{member.name} is no file or folder inside of it")
+        file.extractall(folder)
+
+
 def download(address: str, target: Path, progress: Callable[[int, int], None]) -> None:
-    """Fetch a file; what is there of it from an earlier call is kept.
-
-    Args:
-        target: is not there yet, but its folder is; until the file is whole it is called
-            `NAME.part`.
-        progress: takes megabytes that are there, and megabytes in all.
-
-    Raises:
-        CaptureError: the server cannot be reached, has no such file or breaks off.
-        ConfigError: the disk will not hold it.
-    """
+    """Fetch a file into a folder; until it is whole it is called `NAME.part`, and what is there of
+    it is kept. `progress` takes megabytes that are there, and in all. Raises CaptureError where the
+    server cannot be reached or has no such file, ConfigError where the disk will not hold it."""
     part = target.with_name(f"{target.name}.part")
     for attempt in range(1, ATTEMPTS + 1):
         try:
@@ -121,8 +113,7 @@ def download(address: str, target: Path, progress: Callable[[int, int], None]) -
         except OSError as error:  # requests' errors are such, too
             if attempt == ATTEMPTS:
                 raise CaptureError(
-                    f"{address} could not be fetched ({error}). What is there is kept. Type the "
-                    "same again to go on."
+                    f"{address} could not be fetched ({error}). What is there is kept: try again."
                 ) from error
             time.sleep(attempt)
     part.replace(target)

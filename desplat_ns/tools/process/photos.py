@@ -1,5 +1,4 @@
-"""Photos as they are processed: upright, 8 bit, of a sensible size; their masks; and which of them
-share a camera.
+"""Photos as they are processed: upright, 8 bit, of a sensible size; their masks and cameras.
 
 Letters in shapes: H x W pixels.
 """
@@ -9,7 +8,7 @@ from __future__ import annotations
 import hashlib
 import io
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
@@ -19,7 +18,8 @@ import numpy as np
 import PIL.Image
 from jaxtyping import Float32, UInt8
 
-from desplat_ns.core.console import list_names
+from desplat_ns.core.console import list_names, progress_over
+from desplat_ns.core.cores import cores
 from desplat_ns.core.errors import CaptureError
 from desplat_ns.core.whole import write_whole
 from desplat_ns.data.images import lens_of, read_image, read_mask, resize_image, resize_mask
@@ -82,34 +82,21 @@ def numbered(sources: Sequence[str]) -> list[Photo]:
 
 
 def prepare_photos(
-    folder: Path,
-    sources: Sequence[str],
-    copies: Path,
-    longest_side: int,
-    threads: int,
-    progress: Callable[[int, int], None],
+    folder: Path, sources: Sequence[str], copies: Path, longest_side: int
 ) -> list[Photo]:
     """Copy all photos to `copies` and their alpha to `masks` beside it (COPY.png), and say of each
-    what was seen. A second call writes the same.
-
-    Args:
-        folder: of the sources.
-        longest_side: in pixels; larger photos are reduced by area.
-        progress: called with the number of photos that are done and that of all.
-
-    Raises:
-        OSError: a copy cannot be written.
-    """
+    what was seen. A second call writes the same. Photos with more pixels on a side than
+    `longest_side` are reduced by area. Raises OSError where a copy cannot be written."""
     copies.mkdir(parents=True, exist_ok=True)
     photos, first = [], dict[str, str]()
-    with ThreadPoolExecutor(threads) as pool:
+    with ThreadPoolExecutor(cores()) as pool, progress_over(len(sources), "Photos") as advance:
         copied = pool.map(lambda p: _copy(folder, p, copies, longest_side), numbered(sources))
         for photo, digest in copied:
             twin = first.setdefault(digest, photo.source)
             if twin != photo.source:
                 photo = replace(photo, problem=f"the same picture as {twin}")
             photos.append(photo)
-            progress(len(photos), len(sources))
+            advance()
     return photos
 
 
@@ -130,7 +117,11 @@ def _copy(folder: Path, photo: Photo, copies: Path, longest_side: int) -> tuple[
     write_picture(copies.with_name("masks") / f"{photo.copy}.png", alpha)
     if (alpha < 255).any():
         photo = replace(photo, name=f"{photo.name.removesuffix('.jpg')}.png")
-    seen = replace(photo, width=width, height=height, sharpness=round(sharpness(pixels), 2))
+    grey = cv2.cvtColor(pixels, cv2.COLOR_RGB2GRAY)
+    reduced = min(1.0, SHARPNESS_SIDE / max(grey.shape))
+    grey = cv2.resize(grey, None, fx=reduced, fy=reduced, interpolation=cv2.INTER_AREA)
+    sharpness = round(float(cv2.Laplacian(grey, cv2.CV_64F).var()), 2)
+    seen = replace(photo, width=width, height=height, sharpness=sharpness)
     seen = replace(seen, camera=lens.name, focal_35mm=lens.focal_35mm)
     return seen, hashlib.sha1(image.tobytes()).hexdigest()
 
@@ -144,12 +135,8 @@ def write_picture(path: Path, pixels: UInt8[np.ndarray, "H W *C"]) -> None:
 
 
 def check_projection(path: Path, image: UInt8[np.ndarray, "H W C"]) -> None:
-    """Refuse what is no perspective view: its poses come out, off by tenths of the scene.
-
-    Raises:
-        CaptureError: a panorama by its file, or a 360-degree picture or two fisheye circles, twice
-            as wide as high.
-    """
+    """Raise CaptureError of what is no perspective view, so that poses would be off: a panorama by
+    its file, or a 360-degree picture or two fisheye circles, twice as wide as high."""
     small = cv2.resize(image[..., :3], (512, 256), interpolation=cv2.INTER_AREA).astype(np.float32)
     is_wide = abs(image.shape[1] - 2 * image.shape[0]) <= 0.005 * image.shape[1]
     if is_wide and shows_two_circles(small):
@@ -182,27 +169,14 @@ def shows_two_circles(small: Float32[np.ndarray, "256 512 3"]) -> bool:
     return all(half[ring].mean() > 0.6 and half[outside].mean() < 0.05 for half in halves)
 
 
-def sharpness(pixels: UInt8[np.ndarray, "H W 3"]) -> float:
-    """Variance of the Laplacian of a photo's grey values, at `SHARPNESS_SIDE` pixels at most."""
-    grey = cv2.cvtColor(pixels, cv2.COLOR_RGB2GRAY)
-    scale = min(1.0, SHARPNESS_SIDE / max(grey.shape))
-    small = cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
-    return float(cv2.Laplacian(small, cv2.CV_64F).var())
-
-
 def prepare_masks(mask: Path, photos: Sequence[Photo], copies: Path) -> int:
     """Blacken COPY.png in `copies` for each photo that has a mask: where no feature may be, as on a
-    watermark, a dashboard or a selfie stick.
+    watermark, a dashboard or a selfie stick. Says how many have one. Raises CaptureError where none
+    has one, or one has another shape than its photo, or cannot be read.
 
     Args:
         mask: a picture for all photos, or a folder with one for each, named as the photo, with any
             ending (`a.png` or `a.jpg.png` for `a.jpg`), in a folder as the photo's or in none.
-
-    Returns:
-        How many photos have one.
-
-    Raises:
-        CaptureError: none has one, or one has another shape than its photo, or cannot be read.
     """
     names = photo_names(mask)
     masks = {str(PurePosixPath(name).with_suffix("")).lower(): mask / name for name in names}
@@ -236,11 +210,7 @@ def group_by_camera(photos: Sequence[Photo], cameras: Cameras) -> list[list[Phot
 
     Photos share one if they have the same size, folder, make, model, lens and focal length. Where
     EXIF does not say, they share one by size, unless sizes are as mixed as those of photos of
-    many people.
-
-    Args:
-        cameras: "one", "folder" and "photo" ask for fewer or more; photos of different sizes never
-            share one.
+    many people. `cameras` may ask for fewer or more, but photos of different sizes never share one.
     """
     without = [photo for photo in photos if not photo.camera]
     sizes = {(photo.width, photo.height) for photo in without}

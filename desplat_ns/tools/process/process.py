@@ -20,20 +20,13 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-from desplat_ns.core.console import announce, list_names, progress_with_time_left
-from desplat_ns.core.cores import cores
+from desplat_ns.core.console import announce, list_names
 from desplat_ns.core.errors import CaptureError, ConfigError
+from desplat_ns.core.options import option_of
 from desplat_ns.core.whole import IN_USE, check_room, only_process_in, write_whole
 from desplat_ns.tools.process.photos import Photo, group_by_camera, prepare_masks, prepare_photos
-from desplat_ns.tools.process.reconstruction import (
-    FEW,
-    PLAIN,
-    THOROUGH,
-    Attempt,
-    Model,
-    reconstruct,
-)
-from desplat_ns.tools.process.request import MIN_PHOTOS, Request, Sources
+from desplat_ns.tools.process.reconstruction import FEW, PLAIN, THOROUGH, Attempt, reconstruct
+from desplat_ns.tools.process.request import MIN_PHOTOS, Request
 from desplat_ns.tools.process.undistortion import undistort
 
 RECORD = "process.json"
@@ -47,26 +40,25 @@ FEW_FEATURES = 0.1
 """Of the median number of features of the photos that have a pose."""
 
 
-def process(request: Request, sources: Sources) -> None:
-    """Make the capture, or go on where an earlier call stopped; says what came out.
-
-    Raises:
-        ConfigError: the output folder holds something else, or was begun with other options, or
-            another process is at work in it; the disk is full, or pycolmap failed. What is done is
-            kept.
-        CaptureError: too few photos can be used, or nothing ties them together. Nothing is left.
-    """
-    output, asked = request.output, {**request.lasting(), **sources.sizes()}
+def process(request: Request, names: Sequence[str]) -> None:
+    """Make the capture of photos of these names below their folder, or of a video, or go on where
+    an earlier call stopped; says what came out. Raises ConfigError where the output folder will not
+    do, the disk is full, or pycolmap failed, and keeps what is done; CaptureError where too few
+    photos can be used, or nothing ties them together, and leaves nothing."""
+    output, asked = request.output, {"PHOTOS": str(request.photos.resolve())}
+    for name in ("longest_side", "cameras", "camera_model", "mask", "frames"):
+        asked[option_of(name)] = str(getattr(request, name))
+    for name in names or [""]:  # a file of another size is not the same any more
+        asked[name or request.photos.name] = f"{(request.photos / name).stat().st_size} bytes"
     with only_process_in(output):
         try:
             if is_made(output, asked):
                 announce(
                     f"{output} is made already; {RECORD} in it says what came out. To make it "
-                    "anew, also with another --effort, remove it first: "
-                    f"rm -r {shlex.quote(str(output))}."
+                    f"anew, also with another --effort: rm -r {shlex.quote(str(output))}."
                 )
             else:
-                findings = _make(request, sources)
+                findings = _make(request, names)
                 _write_record(output, {"asked": asked, "findings": findings})
                 for line in report_lines(output, findings):
                     announce(line, warning=line.startswith("Warning"))
@@ -77,40 +69,23 @@ def process(request: Request, sources: Sources) -> None:
         except (OSError, RuntimeError) as error:
             raise ConfigError(
                 f"{output} could not be made ({error}). What is done is kept: the same command "
-                "goes on where it stopped. Make room if the disk is full; if that happens again, "
-                "name another folder."
+                "goes on. Make room if the disk is full; if that is not it, name another folder."
             ) from error
         if not request.keep_work:
             shutil.rmtree(output / "work", ignore_errors=True)
 
 
-# --- the record ----------------------------------------------------------------------------------
-
-
 def is_made(output: Path, asked: Mapping[str, str]) -> bool:
     """Whether the capture is there. In a new folder the record is begun; in one with a record, a
-    call with the same photos and options was at work.
-
-    Args:
-        asked: what decides what comes out: options, and sources with their sizes.
-
-    Raises:
-        ConfigError: something else lies there, or other photos or options were processed there.
-        OSError: nothing can be written there.
-    """
+    call with the same photos and options was at work. `asked`: options, and sources with their
+    sizes. Raises ConfigError where something else lies there, or others were processed there."""
     path = output / RECORD
     if not path.is_file():
         if entries := sorted(place.name for place in output.iterdir() if place.name != IN_USE):
             raise ConfigError(
-                f"{output} holds something else: {list_names(entries, 5)}. Nothing is written "
-                "over: name a new or an empty folder."
+                f"{output} holds something else: {list_names(entries, 5)}. Name an empty folder."
             )
         _write_record(output, {"asked": asked})
-    if links := [place.name for place in output.rglob("*") if place.is_symlink()]:
-        raise ConfigError(
-            f"{output} has links ({list_names(links, 5)}), through which nothing is written. Name "
-            "another folder."
-        )
     try:
         record = json.loads(path.read_text("utf8"))
         had = dict(record["asked"])
@@ -128,24 +103,18 @@ def _write_record(output: Path, record: Mapping[str, Any]) -> None:
     write_whole(output / RECORD, json.dumps(record, indent=1, ensure_ascii=False).encode())
 
 
-# --- the stages ----------------------------------------------------------------------------------
-
-
-def _make(request: Request, sources: Sources) -> dict[str, Any]:
+def _make(request: Request, names: Sequence[str]) -> dict[str, Any]:
     """Make the capture; its findings."""
-    photos = _usable_photos(request, sources)
-    best = _best_attempt(request, sources.is_video, photos)
-    missing = left_out(photos, best)
-    if not best.models or len(best.models[0].photos) < MIN_PHOTOS:
+    photos = _usable_photos(request, names)
+    best = _best_attempt(request, photos)
+    model, missing = best.first, left_out(photos, best)
+    if len(model.photos) < MIN_PHOTOS:
         reasons = " ".join(f"{list_names(names)}: {why}." for why, names in missing.items())
         raise CaptureError(
-            f"No three of the {len(photos)} photos could be put together. {reasons}"
-            " Needed are photos that overlap by two thirds, from places some steps apart, sharp, "
-            "of something with structure."
+            f"No three of the {len(photos)} photos could be put together. {reasons} Needed are "
+            "sharp photos that overlap by two thirds, from different places, of some structure."
         )
-    model = best.models[0]
-    with progress_with_time_left("Undistortion") as show:
-        undistort(request, model, photos, show)
+    undistort(request, model, photos)
     return {
         "photos": len(model.photos),
         "of": len(photos),
@@ -157,25 +126,18 @@ def _make(request: Request, sources: Sources) -> dict[str, Any]:
     }
 
 
-def _usable_photos(request: Request, sources: Sources) -> list[Photo]:
-    """Copy the photos, or the frames of a video, and say which cannot be used.
-
-    Raises:
-        CaptureError: fewer than `MIN_PHOTOS` are left, or the video's camera stands still.
-        OSError: nothing can be written.
-    """
-    work, folder, names = request.output / "work", sources.folder, list(sources.names)
-    if sources.is_video:
+def _usable_photos(request: Request, names: Sequence[str]) -> list[Photo]:
+    """Copy the photos, or the frames of a video, and say which cannot be used. Raises CaptureError
+    where fewer than `MIN_PHOTOS` are left, or the video's camera stands still."""
+    work, folder = request.output / "work", request.photos
+    if request.is_video:
         from desplat_ns.tools.process.video import take_frames
 
         folder = work / "frames"
-        with progress_with_time_left("Video") as show:
-            names = take_frames(sources.folder / names[0], folder, request.frames, show)
+        names = take_frames(request.photos, folder, request.frames)
     # COLMAP's threads end the process where the disk is full
     check_room(request.output, BYTES * len(names), "copies and features take up to")
-    side, threads = request.longest_side, request.threads or cores()
-    with progress_with_time_left("Photos") as show:
-        photos = prepare_photos(folder, names, work / "photos", side, threads, show)
+    photos = prepare_photos(folder, names, work / "photos", request.longest_side)
     reasons: dict[str, list[str]] = {}
     for photo in photos:
         reasons.setdefault(photo.problem, []).append(photo.source)
@@ -192,7 +154,7 @@ def _usable_photos(request: Request, sources: Sources) -> list[Photo]:
     return good
 
 
-def _best_attempt(request: Request, is_video: bool, photos: Sequence[Photo]) -> Attempt:
+def _best_attempt(request: Request, photos: Sequence[Photo]) -> Attempt:
     """The plain way; where it falls short also without EXIF's focal lengths, then the thorough one;
     or what was asked for. Whichever has the best score."""
     cameras = group_by_camera(photos, request.cameras)
@@ -201,11 +163,11 @@ def _best_attempt(request: Request, is_video: bool, photos: Sequence[Photo]) -> 
         count = prepare_masks(request.mask, photos, request.output / "work" / "masks")
         announce(f"{count} of {len(photos)} photos have a mask.")
     first = THOROUGH if request.effort == "thorough" else PLAIN
-    best = reconstruct(request, photos, is_video, first)
+    best = reconstruct(request, photos, first)
     known = [photo for photo in photos if photo.focal]
     if known and (why := shortfall(best, len(photos))):
         free = [replace(photo, focal_35mm=0.0) for photo in photos]
-        without = reconstruct(request, free, is_video, first)
+        without = reconstruct(request, free, first)
         if without.score[0] > best.score[0]:
             best, photos = without, free
             lengths = dict.fromkeys(f"{photo.focal_35mm:.0f} mm" for photo in known)
@@ -220,29 +182,22 @@ def _best_attempt(request: Request, is_video: bool, photos: Sequence[Photo]) -> 
         f"{why} Once more, thoroughly: more and truer features at full size, which takes several "
         "times as long (--effort plain leaves that out)."
     )
-    return max(best, reconstruct(request, photos, is_video, THOROUGH), key=lambda one: one.score)
+    return max(best, reconstruct(request, photos, THOROUGH), key=lambda one: one.score)
 
 
 def shortfall(attempt: Attempt, of: int) -> str:
     """Why an attempt with `of` photos asks for another; empty where it does not."""
-    first = attempt.models[0] if attempt.models else Model(Path(), (), 0, 0, 0.0)
+    first = attempt.first
     posed = len(first.photos)
     thin = ", which share few points" if first.observations < FEW * posed else ""
     bent = f", with {first.error:.2f} pixels of reprojection error" if first.is_bent else ""
     return f"{posed} of {of} photos have a pose{thin}{bent}." if posed < of or thin or bent else ""
 
 
-# --- what came out -------------------------------------------------------------------------------
-
-
 def left_out(photos: Sequence[Photo], attempt: Attempt) -> dict[str, list[str]]:
     """The probable reasons why photos are not in the first model, as far as features, matches and
-    sharpness tell, each with the sources that it holds for.
-
-    Args:
-        photos: those that could be read.
-    """
-    posed = set(attempt.models[0].photos) if attempt.models else set()
+    sharpness tell, each with the sources that it holds for."""
+    posed = set(attempt.first.photos)
     best = dict.fromkeys(attempt.features, 0)
     for a, b, count in attempt.pairs:
         best[a], best[b] = max(best[a], count), max(best[b], count)
@@ -277,26 +232,22 @@ def left_out(photos: Sequence[Photo], attempt: Attempt) -> dict[str, list[str]]:
 def report_lines(output: Path, findings: Mapping[str, Any]) -> list[str]:
     """What is said of a capture that is made."""
     photos, points = findings["photos"], findings["points"]
-    lines = [
-        f"{photos} of {findings['of']} photos have a pose, {points} points, mean reprojection "
-        f"error {findings['error']:.2f} pixels."
-    ]
+    error = f"mean reprojection error {findings['error']:.2f} pixels"
+    lines = [f"{photos} of {findings['of']} photos have a pose, {points} points, {error}."]
     if findings["left_out"]:
         lines.append(f"Left out, with the probable reason (all are in {output / RECORD}):")
     lines += [f"  {list_names(names)}: {why}" for why, names in findings["left_out"].items()]
     if photos < FEW_PHOTOS or findings["observations"] < FEW * photos:
         lines.append(
-            f"Warning: {photos} photos with {points} points are few; poses may be off, and what "
-            f"moves is hardly told from what stays. Take at least {FEW_PHOTOS} photos, better 20, "
-            "that overlap by two thirds."
+            f"Warning: {photos} photos with {points} points are few; poses may be off. Take at "
+            f"least {FEW_PHOTOS} photos, better 20, that overlap by two thirds."
         )
     lines.append(f"Cameras and points from above: {output / 'cameras.png'}")
     folder = shlex.quote(str(output))
     train = f"Train with: ns-train desplat --data {folder} --timestamp run --vis tensorboard"
     bent = (
-        "Warning: this reprojection error is about twice the usual or more: poses are off by "
-        "percents of the scene, or by tenths, and not worth training. It comes from zoom that "
-        "changes (try --cameras photo, with another OUTPUT), a rolling shutter, pictures of 360 "
-        "degrees, or things that move."
+        "Warning: this reprojection error is about twice the usual or more: poses are off, and not "
+        "worth training. It comes from zoom that changes (try --cameras photo, with another "
+        "OUTPUT), a rolling shutter, pictures of 360 degrees, or things that move."
     )
     return [*lines, bent if findings["is_bent"] else train]

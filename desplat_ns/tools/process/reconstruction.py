@@ -8,13 +8,13 @@ photos that share nothing, are left out.
 How alike photos look follows from their features alone, by VLAD (Jégou et al., Aggregating Local
 Descriptors into a Compact Image Representation, CVPR 2010): the features of a photo are summed up
 as their differences from the nearest of a few words, which are learned from the same photos.
-Letters in shapes: N photos, F features, D numbers of a descriptor, W words.
+Letters in shapes: N photos, D numbers of a descriptor.
 """
 
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations, count
 from pathlib import Path
@@ -37,28 +37,19 @@ from desplat_ns.tools.process.request import MIN_PHOTOS, CameraModel, Request
 
 # All that pycolmap tells stands on the console else, between the bars of progress.
 pycolmap.logging.minloglevel = pycolmap.logging.FATAL.value
-
-Count = Callable[[int, int], None]
-"""Called with what is done of a stage and what there is to do."""
-
 TERMS = ((10, "RADIAL"), (3, "SIMPLE_RADIAL"), (1, "SIMPLE_PINHOLE"))
 """From so many photos of one camera on: two, one or no term of radial distortion. A term of a
 single photo takes up whatever does not fit, up to values that no lens has."""
-GUESS = 1.2
-"""COLMAP's: of the longer side, the focal length where nothing is known."""
-PHOTOS_AT_ONCE = 2
-"""Of each thread in one call: few, so that progress is seen and a kill costs little."""
-PAIRS_AT_ONCE = 8
-"""Of each thread in one call, for the same reason. A call takes 0.05 s more."""
+PHOTOS_AT_ONCE, PAIRS_AT_ONCE = 2, 8
+"""Of each core in one call, see `in_blocks`. A call takes 0.05 s more."""
 ALL_PAIRS_UP_TO = 200
 """Photos: 19,900 pairs. Above, pairs by image similarity."""
 OVERLAP = 10
 """Frames of a video that each is matched with before and after it; then every doubled distance."""
 LOOPS = 5
 """Of a video's frames further away, so many that look most alike."""
-WORDS = 64
-SAMPLES = 100_000
-"""Features that the words are learned from, at most."""
+WORDS, SAMPLES = 64, 100_000
+"""How many words there are, and the features that they are learned from, at most."""
 OFF_OF_SIDE = 0.003
 """Of the longer side: how far a match may be off its epipolar line, and how far apart positions may
 be that count as equal. 5 pixels of 1600."""
@@ -67,15 +58,11 @@ LEAST_ERROR, MOST_ERROR = 1.5, 4.0
 not the same, and focal lengths of ten tourists' photos came out at half of what they are."""
 LEAST_TOLERANCE = 2.0
 """Pixels between equal positions, for small photos."""
-SEED = 1
-"""Of COLMAP's random numbers: the same photos give the same poses on one thread."""
 MANY = 100
 """Matches of two photos that do not come about by chance."""
 FEW = 200
 """Observations of each photo on average below which poses are not relied on: with 130 the centres
 of ten tourists' photos were off by percents of the scene's extent, with 700 by a thousandth."""
-
-
 BENT = 0.7
 """Mean reprojection error in pixels, of photos of the plain recipe's size or smaller, above which
 poses are not relied on. Eight sets of photos have 0.25 to 0.57; with zoom, a rolling shutter or
@@ -108,7 +95,6 @@ class Recipe:
 
 PLAIN = Recipe("plain", 1000, 4096, 0.02 / 3, False, 30, 20, None)
 """Enough for most captures: photos with structure, taken close to one another."""
-
 THOROUGH = Recipe("thorough", 0, 8192, 0.002, True, 15, 40, (2.5, 2.0))
 """For gloss, bare walls and far views. Measured on 44 photos of a glossy thing, of which plain
 features at 960 pixels pose 11 and 12 apart: a lower threshold at full size poses 42, pooling and
@@ -149,38 +135,28 @@ class Attempt:
     """Names of two copies and the number of their verified matches, where there are any."""
 
     @property
+    def first(self) -> Model:
+        """The model with most photos; one without any where none was found."""
+        return self.models[0] if self.models else Model(Path(), (), 0, 0, 0.0)
+
+    @property
     def score(self) -> tuple[float, int]:
         """Photos and observations of the first model: more photos are better, and with as many
         more observations. Photos that are off count half."""
-        if not self.models:
-            return 0, 0
-        first = self.models[0]
-        return len(first.photos) / (2 if first.is_bent else 1), first.observations
+        return len(self.first.photos) / (1 + self.first.is_bent), self.first.observations
 
 
-def reconstruct(
-    request: Request, photos: Sequence[Photo], is_video: bool, recipe: Recipe
-) -> Attempt:
-    """Find poses of photos by a recipe, with a bar for each stage. Features and matches that an
-    earlier call found are not looked for again.
-
-    Args:
-        photos: copies and masks of them lie in the work folder, which gets a folder for the recipe.
-        is_video: whether photos follow each other as frames do.
-
-    Raises:
-        CaptureError: the camera stands still.
-    """
-    work, threads = request.output / "work", request.threads or cores()
+def reconstruct(request: Request, photos: Sequence[Photo], recipe: Recipe) -> Attempt:
+    """Find poses of photos, whose copies and masks lie in the work folder. Features and matches of
+    an earlier call are kept. Raises CaptureError where the camera stands still."""
+    work = request.output / "work"
     copies, place = work / "photos", work / recipe.name
     found = place / ("models" if any(photo.focal for photo in photos) else "models_without_exif")
     place.mkdir(parents=True, exist_ok=True)
     database, cameras = place / "database.db", group_by_camera(photos, request.cameras)
     enter_photos(database, copies, cameras, request.camera_model)
-    with progress_with_time_left(f"Features ({recipe.name})") as show:
-        features = find_features(database, copies, recipe, threads, show)
-    with progress_with_time_left(f"Matching ({recipe.name})") as show:
-        match_photos(database, is_video, recipe, threads, show)
+    features = find_features(database, copies, recipe)
+    match_photos(database, request.is_video, recipe)
     matched, verified = verified_pairs(database)
     if matched >= MIN_PHOTOS > len(verified) + 1:
         raise CaptureError(
@@ -188,12 +164,7 @@ def reconstruct(
             "without those hardly any are left. Walk around while taking photos. If a watermark or "
             "a part of the camera's stand is all that matches, the photos share no place."
         )
-    with progress_with_time_left(f"Mapping ({recipe.name})", alike=False) as show:
-        models = map_photos(database, copies, found, recipe, threads, show)
-    return Attempt(recipe, models, features, verified)
-
-
-# --- features ------------------------------------------------------------------------------------
+    return Attempt(recipe, map_photos(database, copies, found, recipe), features, verified)
 
 
 def enter_photos(
@@ -207,7 +178,7 @@ def enter_photos(
         fitting = next(name for least, name in TERMS if len(group) >= least)
         model = fitting if camera_model == "auto" else camera_model
         known = [photo.focal for photo in group if photo.focal]
-        focal = float(median(known)) if known else GUESS * max(size)
+        focal = float(median(known)) if known else 1.2 * max(size)  # COLMAP's guess
         start = pycolmap.Camera.create_from_model_name(0, model, focal, *size)
         if entered >= set(names):
             with pycolmap.Database.open(database) as db:
@@ -224,33 +195,31 @@ def enter_photos(
         pycolmap.import_images(database, copies, pycolmap.CameraMode.SINGLE, names, reader)
 
 
-def find_features(
-    database: Path, copies: Path, recipe: Recipe, threads: int, progress: Count
-) -> dict[str, int]:
-    """The number of SIFT features of each copy where `masks` beside them does not forbid any;
-    copies that have them already are passed over."""
+def find_features(database: Path, copies: Path, recipe: Recipe) -> dict[str, int]:
+    """The number of SIFT features of each copy, where `masks` allow any; those there are kept."""
     reader = pycolmap.ImageReaderOptions(mask_path=copies.with_name("masks"))
     options = pycolmap.FeatureExtractionOptions()
-    options.num_threads = threads
+    options.num_threads = cores()
     options.max_image_size = recipe.longest_side or -1
     options.sift.max_num_features = recipe.most_features
     options.sift.peak_threshold = recipe.peak_threshold
     options.sift.domain_size_pooling = recipe.careful
     options.sift.estimate_affine_shape = recipe.careful
     names = sorted(name for name, features in feature_counts(database).items() if not features)
-    for some in in_blocks(names, PHOTOS_AT_ONCE * threads, progress):
+    for some in in_blocks(names, PHOTOS_AT_ONCE, f"Features ({recipe.name})"):
         pycolmap.extract_features(
             database, copies, some, reader_options=reader, extraction_options=options
         )
     return feature_counts(database)
 
 
-def in_blocks(items: Sequence[Any], size: int, progress: Count) -> Iterator[Sequence[Any]]:
-    """So many items at a time, each block counted as done when the next is asked for."""
-    for start in range(0, len(items), size):
-        progress(start, len(items))
-        yield items[start : start + size]
-    progress(len(items), len(items))
+def in_blocks(items: Sequence[Any], at_once: int, label: str) -> Iterator[Sequence[Any]]:
+    """So many items for each core at a time, with a bar: few, so that a kill costs little."""
+    size = at_once * cores()
+    with progress_with_time_left(label) as show:
+        for start in range(0, len(items), size):
+            show(start, len(items))
+            yield items[start : start + size]
 
 
 def feature_counts(database: Path) -> dict[str, int]:
@@ -260,16 +229,10 @@ def feature_counts(database: Path) -> dict[str, int]:
         return {image.name: db.num_keypoints_for_image(image.image_id) for image in images}
 
 
-# --- matches -------------------------------------------------------------------------------------
-
-
-def match_photos(
-    database: Path, is_video: bool, recipe: Recipe, threads: int, progress: Count
-) -> None:
-    """Match pairs of photos and verify them by epipolar geometry; those that are matched already
-    are passed over."""
+def match_photos(database: Path, is_video: bool, recipe: Recipe) -> None:
+    """Match pairs of photos that are not matched yet, and verify them by epipolar geometry."""
     options = pycolmap.FeatureMatchingOptions()
-    options.num_threads = threads
+    options.num_threads = cores()
     options.guided_matching = recipe.careful
     with pycolmap.Database.open(database) as db:
         images = sorted(db.read_all_images(), key=lambda image: image.name)
@@ -290,7 +253,7 @@ def match_photos(
     verification.filter_stationary_matches = True
     verification.stationary_matches_max_error = max(LEAST_TOLERANCE, OFF_OF_SIDE * side)
     listed = database.with_name("pairs.txt")
-    for some in in_blocks(chosen, PAIRS_AT_ONCE * threads, progress):
+    for some in in_blocks(chosen, PAIRS_AT_ONCE, f"Matching ({recipe.name})"):
         lines = (f"{images[a].name} {images[b].name}\n" for a, b in some)
         listed.write_text("".join(lines), "utf8")
         pairing = pycolmap.ImportedPairingOptions(match_list_path=listed)
@@ -323,25 +286,20 @@ def similarities(
     criteria = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 20, 1e-4)
     labels, most = np.empty((0,), np.int32), min(WORDS, len(samples))
     words = cv2.kmeans(samples, most, labels, criteria, 1, cv2.KMEANS_PP_CENTERS)[2]
-    vectors = np.stack([_vlad(photo.astype(np.float32), words) for photo in photos])
-    return vectors @ vectors.T
-
-
-def _vlad(
-    features: Float32[np.ndarray, "F D"], words: Float32[np.ndarray, "W D"]
-) -> Float32[np.ndarray, " WD"]:
-    """One vector of length 1, or of zeros without features."""
-    # |f - w|^2 without |f|^2, which is the same for all words
-    nearest = ((words**2).sum(1) - 2 * features @ words.T).argmin(1)
-    sums = np.zeros_like(words)
-    np.add.at(sums, nearest, features - words[nearest])
-    vector = (sums / np.maximum(np.linalg.norm(sums, axis=1, keepdims=True), 1e-9)).ravel()
-    return vector / max(float(np.linalg.norm(vector)), 1e-9)
+    vectors = []
+    for photo in photos:
+        features = photo.astype(np.float32)
+        # |f - w|^2 without |f|^2, which is the same for all words
+        nearest = ((words**2).sum(1) - 2 * features @ words.T).argmin(1)
+        sums = np.zeros_like(words)
+        np.add.at(sums, nearest, features - words[nearest])
+        vector = (sums / np.maximum(np.linalg.norm(sums, axis=1, keepdims=True), 1e-9)).ravel()
+        vectors.append(vector / max(float(np.linalg.norm(vector)), 1e-9))
+    return np.stack(vectors) @ np.stack(vectors).T
 
 
 def verified_pairs(database: Path) -> tuple[int, list[tuple[str, str, int]]]:
-    """How many pairs have `MANY` matches, and, of those of which any were verified, names of both
-    photos and the number that was."""
+    """How many pairs have `MANY` matches; names and numbers of those with verified matches."""
     with pycolmap.Database.open(database) as db:
         names = {image.image_id: image.name for image in db.read_all_images()}
         _, matches = db.read_num_matches()
@@ -351,38 +309,26 @@ def verified_pairs(database: Path) -> tuple[int, list[tuple[str, str, int]]]:
     return sum(count >= MANY for count in matches), found
 
 
-# --- poses ---------------------------------------------------------------------------------------
-
-
-def map_photos(
-    database: Path, photos: Path, models: Path, recipe: Recipe, threads: int, progress: Count
-) -> list[Model]:
-    """Find poses and points from verified matches, incrementally; `models` gets a folder for each
-    model.
-
-    Returns:
-        The models, the one with most photos first.
-    """
+def map_photos(database: Path, photos: Path, models: Path, recipe: Recipe) -> list[Model]:
+    """Find poses and points from verified matches; the models, the one with most photos first."""
     options = pycolmap.IncrementalPipelineOptions()
-    options.num_threads = threads
-    options.random_seed = SEED
+    options.num_threads = cores()
+    options.random_seed = 1  # on one thread the same photos give the same poses
     options.min_model_size = MIN_PHOTOS
     options.mapper.abs_pose_min_num_inliers = recipe.pose_inliers
     total, placed = len(feature_counts(database)), count(1)
-
-    def one_more() -> None:
-        progress(min(next(placed), total), total)
-
     shutil.rmtree(models, ignore_errors=True)
     models.mkdir()
-    mapped = pycolmap.incremental_mapping(
-        database,
-        photos,
-        models,
-        options,
-        initial_image_pair_callback=one_more,
-        next_image_callback=one_more,
-    )
+    with progress_with_time_left(f"Mapping ({recipe.name})", alike=False) as show:
+
+        def one_more() -> None:
+            show(min(next(placed), total), total)
+
+        told: dict[str, Any] = {
+            "initial_image_pair_callback": one_more,
+            "next_image_callback": one_more,
+        }
+        mapped = pycolmap.incremental_mapping(database, photos, models, options, **told)
     found = []
     for index, model in mapped.items():
         if recipe.filtered is not None:

@@ -1,5 +1,4 @@
-"""What a call of `desplat-process` asks for, and which photos or video it names. Imports nothing
-that takes time."""
+"""What a call of `desplat-process` asks for, and which photos it names. Imported at once."""
 
 from __future__ import annotations
 
@@ -15,19 +14,12 @@ import tyro
 
 from desplat_ns.core.console import announce, list_names, text_of
 from desplat_ns.core.errors import CaptureError, ConfigError
-from desplat_ns.core.options import check_ranges, option_of, ranged
-from desplat_ns.data.photo_files import (
-    PHOTO_SUFFIXES,
-    begin_folder,
-    file_names,
-    is_photo,
-    photo_names,
-)
+from desplat_ns.core.options import check_ranges, ranged
+from desplat_ns.data.photo_files import begin_folder, file_names, is_photo, photo_names
 
 Cameras = Literal["auto", "one", "folder", "photo"]
 CameraModel = Literal["auto", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "OPENCV_FISHEYE"]
 Effort = Literal["auto", "plain", "thorough"]
-
 MIN_PHOTOS = 3
 """Two photos can be posed, but there would be none to hold out."""
 MASKS = re.compile(r"(?<![a-z])masks?(?![a-z])", re.IGNORECASE)
@@ -58,8 +50,6 @@ class Request:
     """Folder with a mask for each photo, or one picture for all: no features where it is black."""
     frames: int = ranged(150, "[3, inf)")
     """Of a video, at most: the sharpest, at even distances."""
-    threads: int = ranged(0, "[0, inf)")
-    """0: all cores."""
     keep_work: bool = False
     """Keep features, matches and all models, in OUTPUT/work."""
 
@@ -68,53 +58,28 @@ class Request:
         check_ranges(self)
         if self.mask is not None and not self.mask.exists():
             raise ConfigError(f"--mask is {self.mask}, which does not exist.")
-        sources = find_sources(self.photos, self.output, self.mask)
+        names = [] if self.is_video else find_photos(self.photos, self.output, self.mask)
         os.environ.setdefault("OMP_WAIT_POLICY", "passive")  # read as pycolmap is imported
 
-        from desplat_ns.tools.process.process import (
-            process,  # takes a second: not before the checks
-        )
+        from desplat_ns.tools.process.process import process  # a second: not before the checks
 
-        process(self, sources)
+        process(self, names)
 
-    def lasting(self) -> dict[str, str]:
-        """The options that a second call must share with the first, by their names."""
-        names = ("longest_side", "cameras", "camera_model", "mask", "frames")
-        asked = {"PHOTOS": str(self.photos.resolve())}
-        return asked | {option_of(name): str(getattr(self, name)) for name in names}
+    @property
+    def is_video(self) -> bool:
+        """Whether PHOTOS is a file."""
+        return self.photos.is_file()
 
 
-@dataclass(frozen=True)
-class Sources:
-    """What lies at PHOTOS."""
-
-    folder: Path
-    """In which the names are."""
-    names: tuple[str, ...]
-    """Photos as paths below the folder, sorted, or one video."""
-    is_video: bool
-
-    def sizes(self) -> dict[str, str]:
-        """Bytes of each file: another number, and it is not the same file any more."""
-        return {name: f"{(self.folder / name).stat().st_size} bytes" for name in self.names}
-
-
-def find_sources(photos: Path, output: Path, mask: Path | None = None) -> Sources:
-    """The photos of a folder and the folders in it, or a video file; not what lies in `output` or
-    `mask`, nor masks, which are told.
-
-    Raises:
-        CaptureError: nothing there, no photo, one or two photos, several videos.
-    """
-    if photos.is_file():
-        return Sources(photos.parent, (photos.name,), is_video=True)
+def find_photos(photos: Path, output: Path, mask: Path | None = None) -> list[str]:
+    """The photos in a folder and below, as sorted paths; not what lies in `output` or `mask`, nor
+    masks, which are told. Raises CaptureError where they are fewer than `MIN_PHOTOS`."""
     if not photos.is_dir():
         raise CaptureError(f"There is no '{photos}'. Name a folder of photos, or a video.")
     out, mask = output.resolve(), mask and mask.resolve()
     if photos.resolve().is_relative_to(out):
         raise CaptureError(
-            f"The photos lie in the folder for the capture, {output}. Nothing is mixed with them: "
-            "name a new folder beside them."
+            f"The photos lie in the folder for the capture, {output}. Name a new folder beside it."
         )
     files = [
         name
@@ -134,22 +99,21 @@ def find_sources(photos: Path, output: Path, mask: Path | None = None) -> Source
         )
     if broken := [t for name in names if (t := text_of(name)) != name or min(name) < " "]:
         raise CaptureError(
-            f"{len(broken)} names in {photos} are no text in UTF-8, or have control characters: "
-            f"{list_names(broken, 5)}. Rename these files."
+            f"{len(broken)} names in {photos} are no plain text: {list_names(broken, 5)}. Rename "
+            "these files."
         )
     if len(names) >= MIN_PHOTOS:
         begin_folder(photos, files)
-        return Sources(photos, tuple(names), is_video=False)
+        return names
     raise CaptureError(
         f"{photos} has {len(names)} photos among its {len(files)} files "
         f"({list_names(names or files, 5)}). At least {MIN_PHOTOS} are needed, better 20 and more, "
-        f"from many places ({', '.join(sorted(PHOTO_SUFFIXES))}). A video is named by itself."
+        "from many places. A video is named by itself."
     )
 
 
 def masks_among(names: Sequence[str]) -> list[str]:
-    """Pictures in folders called masks that are named as one elsewhere: `masks/a.png` or
-    `masks/a.jpg.png` for `a.jpg`."""
+    """Pictures in folders called masks, such as `masks/a.png` or `masks/a.jpg.png` for `a.jpg`."""
     paths = [PurePosixPath(name) for name in names]
     called = [path for path in paths if MASKS.search(str(path.parent))]
     others = {key for path in {*paths} - {*called} for key in (path.name, path.stem)}

@@ -1,14 +1,12 @@
-"""The capture: photos without distortion, the model that goes with them, and a picture of cameras
-and points from above.
-"""
+"""The capture: photos without distortion, their model, and a picture of it from above."""
 
 from __future__ import annotations
 
 import io
 import shutil
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor, wait
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -17,32 +15,25 @@ import PIL.Image
 import pycolmap
 from matplotlib.figure import Figure
 
+from desplat_ns.core.console import announce
 from desplat_ns.core.cores import cores
 from desplat_ns.core.whole import write_whole
 from desplat_ns.tools.process.photos import JPEG_QUALITY, Photo, write_picture
-from desplat_ns.tools.process.reconstruction import Count, Model
+from desplat_ns.tools.process.reconstruction import Model
 from desplat_ns.tools.process.request import Request
 
 
-def undistort(request: Request, model: Model, photos: Sequence[Photo], progress: Count) -> None:
+def undistort(request: Request, model: Model, photos: Sequence[Photo]) -> None:
     """Write OUTPUT/cameras.png, OUTPUT/images and OUTPUT/sparse/0, whole or not at all. Alpha is
-    undistorted as its photo is. `progress` is called each second.
-
-    Raises:
-        OSError: photos could not be written as a whole.
-    """
+    undistorted as its photo is. Raises OSError where photos could not be written as a whole."""
     output, by_copy = request.output, {photo.copy: photo for photo in photos}
     flat = output / "work" / "undistorted"
     shutil.rmtree(flat, ignore_errors=True)
     options = pycolmap.UndistortCameraOptions(max_image_size=request.longest_side)
-    how = {"undistort_options": options, "jpeg_quality": JPEG_QUALITY}
-    how["num_threads"] = request.threads or cores()
-    with ThreadPoolExecutor(1) as pool:
-        places = flat, model.folder, output / "work" / "photos"
-        job = pool.submit(pycolmap.undistort_images, *places, **how)
-        while wait([job], timeout=1.0).not_done:  # pycolmap tells nothing, but writes file by file
-            progress(len(list(flat.glob("images/*"))), len(model.photos))
-        job.result()
+    announce(f"Undistorting {len(model.photos)} photos.")
+    how: dict[str, Any] = {"jpeg_quality": JPEG_QUALITY, "num_threads": cores()}
+    places = flat, model.folder, output / "work" / "photos"
+    pycolmap.undistort_images(*places, undistort_options=options, **how)
     flat_model = pycolmap.Reconstruction(flat / "sparse")
     bent_model = pycolmap.Reconstruction(model.folder)
     draw_from_above(flat_model, output / "cameras.png")
@@ -73,8 +64,7 @@ def undistort(request: Request, model: Model, photos: Sequence[Photo], progress:
 
 
 def draw_from_above(model: pycolmap.Reconstruction, target: Path) -> None:
-    """Draw where a model's cameras are, where they look, and its points: all cameras and most
-    points are in the picture."""
+    """Draw all cameras of a model, where they look, and most of its points."""
     images = [model.image(i) for i in model.reg_image_ids()]
     poses = np.array([image.cam_from_world().matrix() for image in images])
     up = -poses[:, 1, :3].mean(axis=0)

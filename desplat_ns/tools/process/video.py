@@ -6,7 +6,7 @@ nothing. Letters in shapes: H x W pixels.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,6 +14,7 @@ import cv2
 import numpy as np
 from jaxtyping import UInt8
 
+from desplat_ns.core.console import progress_with_time_left
 from desplat_ns.core.errors import CaptureError
 from desplat_ns.core.whole import draft_of
 from desplat_ns.tools.process.request import MIN_PHOTOS
@@ -40,26 +41,17 @@ class Frame:
     """That the picture has moved since the first frame, in widths."""
 
 
-def take_frames(
-    video: Path, folder: Path, most: int, progress: Callable[[int, int], None]
-) -> list[str]:
-    """Write the chosen frames to `folder` as PNG, unless it is there already; whole or not at all.
-    Pixels that are not square become so: by the side along which they are longer.
-
-    Returns:
-        Their names, in the video's order.
-
-    Raises:
-        CaptureError: the video cannot be read, or its camera does not move.
-    """
+def take_frames(video: Path, folder: Path, most: int) -> list[str]:
+    """Write the chosen frames to `folder` as PNG, unless it is there already, whole or not at all;
+    their names, in the video's order. Pixels become square by their longer side. Raises
+    CaptureError where the video cannot be read, or its camera does not move."""
     if not folder.is_dir():
-        seen = list(look_at(video, progress))
+        seen = look_at(video)
         chosen = choose(seen, most)
         if len(chosen) < MIN_PHOTOS:
             raise CaptureError(
                 f"{video} has {len(seen)} frames, in which the picture moves by "
-                f"{seen[-1].distance:.0%} of its width: too little for {MIN_PHOTOS} photos from "
-                "different places. Walk around while filming."
+                f"{seen[-1].distance:.0%} of its width: too little. Walk around while filming."
             )
         with draft_of(folder) as draft:
             draft.mkdir()
@@ -74,23 +66,25 @@ def take_frames(
     return sorted(path.name for path in folder.iterdir())
 
 
-def look_at(video: Path, progress: Callable[[int, int], None]) -> Iterator[Frame]:
+def look_at(video: Path) -> list[Frame]:
     """What is seen of every frame. Raises as `frames_of`."""
-    anchor, distance = None, 0.0
-    for index, total, pixels in frames_of(video):
-        small = cv2.resize(pixels, LOOKED_AT, interpolation=cv2.INTER_AREA)
-        grey = cv2.cvtColor(small, cv2.COLOR_BGR2GRAY)
-        anchor = grey if anchor is None else anchor
-        moved = motion(anchor, grey)
-        if moved >= STEP:
-            anchor, distance, moved = grey, distance + moved, 0.0
-        progress(index + 1, total)
-        yield Frame(index, float(cv2.Laplacian(grey, cv2.CV_64F).var()), distance + moved)
+    seen, anchor, distance = list[Frame](), None, 0.0
+    with progress_with_time_left("Video") as show:
+        for index, total, pixels in frames_of(video):
+            small = cv2.resize(pixels, LOOKED_AT, interpolation=cv2.INTER_AREA)
+            grey = cv2.cvtColor(small, cv2.COLOR_BGR2GRAY)
+            anchor = grey if anchor is None else anchor
+            moved = motion(anchor, grey)
+            if moved >= STEP:
+                anchor, distance, moved = grey, distance + moved, 0.0
+            sharpness = float(cv2.Laplacian(grey, cv2.CV_64F).var())
+            seen.append(Frame(index, sharpness, distance + moved))
+            show(index + 1, total)
+    return seen
 
 
 def motion(first: UInt8[np.ndarray, "H W"], second: UInt8[np.ndarray, "H W"]) -> float:
-    """How far the picture moves between two frames: the median of optical flow where the first one
-    has most texture, in widths."""
+    """Median of the optical flow between two frames where the first has most texture, in widths."""
     flow = cv2.calcOpticalFlowFarneback(
         first, second, np.zeros((*first.shape, 2), np.float32), 0.5, 3, 15, 2, 5, 1.2, 0
     )
@@ -112,8 +106,7 @@ def choose(frames: Sequence[Frame], most: int) -> list[Frame]:
 
 
 def pixel_aspect(video: Path) -> float:
-    """Width of a pixel over its height, in upright frames; 1 where the file does not say, or says
-    what no video has."""
+    """Width of a pixel over its height, in upright frames; 1 where the file says nothing likely."""
     file = cv2.VideoCapture(str(video), cv2.CAP_FFMPEG)
     wide, high = file.get(cv2.CAP_PROP_SAR_NUM), file.get(cv2.CAP_PROP_SAR_DEN)
     if file.get(cv2.CAP_PROP_ORIENTATION_META) % 180 == 90:
@@ -123,11 +116,7 @@ def pixel_aspect(video: Path) -> float:
 
 def frames_of(video: Path) -> Iterator[tuple[int, int, np.ndarray]]:
     """The video's frames: number, how many the file says that there are, and pixels [H, W, 3] in
-    blue, green and red, upright.
-
-    Raises:
-        CaptureError: none can be read.
-    """
+    blue, green and red, upright. Raises CaptureError where none can be read."""
     file = cv2.VideoCapture(str(video), cv2.CAP_FFMPEG)
     total, index = int(file.get(cv2.CAP_PROP_FRAME_COUNT)), 0
     is_there, pixels = file.read()
@@ -136,7 +125,4 @@ def frames_of(video: Path) -> Iterator[tuple[int, int, np.ndarray]]:
         index += 1
         is_there, pixels = file.read()
     if index == 0:
-        raise CaptureError(
-            f"The video {video} cannot be read. Copy it again from its source, or convert it to "
-            "MP4 with H.264."
-        )
+        raise CaptureError(f"The video {video} cannot be read. Convert it to MP4 with H.264.")

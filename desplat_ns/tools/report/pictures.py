@@ -25,14 +25,12 @@ from desplat_ns.training.pipeline import DeSplatPipeline
 
 ERROR_TOP = 0.25
 """Mean difference of the colours, which are in [0, 1], that gets the brightest colour."""
-
-
 CARD, BESIDE = 0.8, 0.6
 """Of the pixels' side, what pictures as wide as a card get, and those that are half as wide."""
 
 
 @dataclass(frozen=True)
-class Photo:
+class ShownPhoto:
     """A photo, and what is shown of it."""
 
     name: str
@@ -47,7 +45,7 @@ class Photo:
     """Of the evaluation."""
 
 
-def training_photos(pipeline: DeSplatPipeline, chosen: Sequence[int]) -> Iterator[Photo]:
+def training_photos(pipeline: DeSplatPipeline, chosen: Sequence[int]) -> Iterator[ShownPhoto]:
     """Training photos taken apart. Raises CaptureError of a photo that cannot be read any more."""
     model, manager = pipeline.model, pipeline.datamanager
     with (
@@ -74,7 +72,7 @@ def training_photos(pipeline: DeSplatPipeline, chosen: Sequence[int]) -> Iterato
                 drawn = over_checkerboard(*drawn, max(8, max(photo.shape) // 48))
                 pictures["distractors"] = picture_of(drawn, BESIDE)
                 pictures["mask"] = picture_of(mask, BESIDE)
-            yield Photo(name, pictures, covered, unlike)
+            yield ShownPhoto(name, pictures, covered, unlike)
             advance()
 
 
@@ -84,7 +82,7 @@ def picture_of(image: Tensor | np.ndarray, share: float = 1.0) -> Picture:
     return Picture(shrunk(pixels, LARGEST_SIDE), share)
 
 
-def marked(photo: Photo, where: Bool[np.ndarray, "rows columns"]) -> Picture:
+def marked(photo: ShownPhoto, where: Bool[np.ndarray, "rows columns"]) -> Picture:
     """A photo that is dark but where cells of it are set, and in gaps of one cell."""
     pixels = photo.pictures["photo"].pixels
     closed = cv2.morphologyEx(where.astype(np.float32), cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
@@ -92,13 +90,12 @@ def marked(photo: Photo, where: Bool[np.ndarray, "rows columns"]) -> Picture:
     return Picture((pixels * (0.25 + 0.75 * light[..., None])).astype(np.uint8), BESIDE)
 
 
-def held_out_photos(pipeline: DeSplatPipeline, most: int) -> tuple[dict[str, Any], list[Photo]]:
+def held_out_photos(
+    pipeline: DeSplatPipeline, most: int
+) -> tuple[dict[str, Any], list[ShownPhoto]]:
     """The evaluation that `ns-eval` makes, of all held-out photos, and at most so many of them, the
-    worst first: means hide what a look at them shows. With 0 nothing is evaluated.
-
-    Raises:
-        CaptureError: a photo that cannot be read any more.
-        DeSplatError: a figure of a photo is not a finite number.
+    worst first: means hide what a look at them shows. With 0 nothing is evaluated. Raises
+    CaptureError of a photo that cannot be read any more, DeSplatError where a figure is not finite.
     """
     if most == 0:
         return {}, []
@@ -116,7 +113,7 @@ def held_out_photos(pipeline: DeSplatPipeline, most: int) -> tuple[dict[str, Any
         figures = results["images"][index]
         pixels = {"photo": photo, "rendering": rendering, "error": error_map(photo, rendering)}
         pictures = {name: picture_of(each, BESIDE) for name, each in pixels.items()}
-        shown.append(Photo(figures["name"], pictures, figures=figures))
+        shown.append(ShownPhoto(figures["name"], pictures, figures=figures))
     return results, sorted(shown, key=lambda photo: photo.figures["psnr"])
 
 

@@ -25,14 +25,11 @@ from desplat_ns.training.pipeline import DeSplatPipeline
 
 PLACES = 4_000
 """Opaque static Gaussians that are looked for in the photos, evenly chosen."""
-
 MOST_PHOTOS = 200
 """Training photos; with more, none is said to show something alone: to look at all takes minutes,
 and a part of them does not tell."""
-
 SAME_DEPTH = 0.1
 """Share of the rendered depth by which a Gaussian may lie behind it and still be seen."""
-
 MUCH = 0.1
 """Share of what a photo shows. Photos that show more than this alone are named."""
 
@@ -83,19 +80,14 @@ def alone(names: Sequence[str], shown: Bool[Tensor, "V P"]) -> dict[str, float]:
     return {name: share for share, name in ranked if share > MUCH}
 
 
-# --- disputed places -------------------------------------------------------------------------
-
 CELLS = 2000
 """Cells of an image that are compared with the static scene."""
-
 MIN_VIEWS = 5
 """A place that fewer views see is not judged: chance hides it too often."""
-
 MAX_DISPUTED = 0.02
 """Share of disputed places above which a user is told. A place is disputed if more than half of the
 views that see it show something else. With objects that stand elsewhere in each photo, pasted over
 a fifth of it, the share is 0.1%, and 1% of a thin tree before a bright sky."""
-
 MAX_PLACES = 10_000
 """Static Gaussians that are judged, evenly chosen."""
 
@@ -130,25 +122,17 @@ def unlike_in(
     static: Float[Tensor, "H W 3"],
     by: Thresholds,
 ) -> Unlike:
-    """How a photo differs from the static scene in the photo's light, both in [0, 1]; under the
-    user's mask they are the same."""
-    covered = (alpha_d.detach() > MASK_THRESHOLD).float()
-    unlike = region_pixels(differences(photo, static, by).float(), view.height, view.width)
-    cells = pooled(torch.maximum(covered, unlike), grid_of(view.width, view.height, CELLS))[0]
-    return Unlike(name, detached(view), cells > 0.5)
-
-
-def differences(
-    photo: Float[Tensor, "H W 3"], static: Float[Tensor, "H W 3"], by: Thresholds
-) -> Bool[Tensor, "rows columns"]:
-    """Where a photo does not show the static scene, whoever is right: regions in which nothing is
-    expected and no other photo is asked; both in [0, 1]."""
-    height, width = photo.shape[:2]
-    grid, fine = grid_of(width, height), fine_grid_of(width, height)
+    """How a photo differs from the static scene in the photo's light, both in [0, 1], whoever is
+    right: regions in which nothing is expected and no other photo is asked."""
+    grid, fine = grid_of(view.width, view.height), fine_grid_of(view.width, view.height)
     colors_s, colors_p = pooled(static, fine), pooled(photo, fine)
     residual = local_residual(colors_s, colors_p, grid)
     excess = Excess(residual, level_of(residual, None), torch.ones_like(residual))
-    return decide(Comparison(colors_s, colors_p, excess, None), lambda: None, by)
+    regions = decide(Comparison(colors_s, colors_p, excess, None), lambda: None, by)
+    unlike = region_pixels(regions.float(), view.height, view.width)
+    covered = (alpha_d.detach() > MASK_THRESHOLD).float()
+    cells = pooled(torch.maximum(covered, unlike), grid_of(view.width, view.height, CELLS))[0]
+    return Unlike(name, detached(view), cells > 0.5)
 
 
 @torch.no_grad()

@@ -20,7 +20,6 @@ from torch import Tensor
 from desplat_ns.backend.accumulated_weights import accumulated_weights
 from desplat_ns.backend.constants import NEAR_PLANE
 from desplat_ns.backend.protocol import RenderSettings, Splats, View
-from desplat_ns.backend.spherical_harmonics import C0
 from desplat_ns.cameras.near_plane import scene_start
 from desplat_ns.cameras.views import is_distorted
 from desplat_ns.core.console import progress_over, text_of
@@ -29,7 +28,6 @@ from desplat_ns.core.pages import LARGEST_SIDE, shrunk, to_rgb8
 from desplat_ns.data.training_views import image_names
 from desplat_ns.gaussians.activation import activate_distractors
 from desplat_ns.model import DeSplatModel
-from desplat_ns.photo_tourism.appearance import as_harmonics
 from desplat_ns.photo_tourism.shown_light import VARIABLE
 from desplat_ns.tools.export.export import reach_of, shown_in, static_cloud
 from desplat_ns.tools.export.formats import Y_UP
@@ -40,24 +38,15 @@ from desplat_ns.training.pipeline import DeSplatPipeline
 
 AVERAGE = "the photos' average"
 """Whose light is shown where none was chosen."""
-
 PICTURES = 6
 """Renderings for browsers that cannot draw the scene."""
-
 MORE_LIGHTS = 3
-"""Lights beside the one that is shown first."""
-
-MOST_PHOTOS, MOST_GAUSSIANS = 300, 500
-"""Photos among which lights are chosen, and Gaussians by whose colours they are compared; of more,
-as many evenly chosen."""
-
+"""Photos' lights beside the one that is shown first, evenly chosen."""
 WEIGHING_VIEWS = 30
 """Training views in which Gaussians are weighed, evenly chosen."""
-
 Rgb = UInt8[np.ndarray, "_ _ 3"]
 Color = tuple[float, float, float]
 """In [0, 1]."""
-
 TO_PAGE = Similarity(np.asarray(Y_UP, np.float64), 1.0, np.zeros(3))
 """From nerfstudio's coordinates to the page's, where y is up. The scale stays that of training, in
 which cameras are at most about one unit from the origin."""
@@ -107,7 +96,7 @@ class Light:
 
 
 @dataclass(frozen=True)
-class Contents:
+class PageScene:
     """All that is on a page."""
 
     title: str
@@ -124,41 +113,32 @@ class Contents:
     pictures: Sequence[tuple[str, Rgb]]
     """Renderings with their names, for browsers that cannot draw the scene."""
     other_lights: Sequence[Light] = ()
-    """To choose from beside it, the most telling one first."""
+    """To choose from beside it."""
     not_shown: str = ""
     """In words, which photos are not on the page."""
 
 
 @torch.no_grad()
-def gather(
+def scene_of(
     run: LoadedRun,
     most_training: int,
     most_held_out: int,
     crop: float | None = None,
     light: str | None = None,
-) -> Contents:
-    """What the page of a run shows; arguments as of `desplat-export page`.
-
-    Raises:
-        CaptureError: the run has no camera to start from, or a photo cannot be read any more.
-        ConfigError: an unknown light, or no Gaussians are left.
-    """
+) -> PageScene:
+    """What the page of a run shows, by what `desplat-export page` takes. Raises CaptureError where
+    there is no photo to start from, ConfigError where no Gaussians are left."""
     pipeline = run.pipeline
     model, manager = pipeline.model, pipeline.datamanager
     cloud, rows = static_cloud(pipeline, crop, light)
     totals = len(manager.train_image_names), len(manager.eval_dataset)
     training, held_out = map(even_subset, totals, (most_training, most_held_out))
     if not training and not held_out:
-        raise CaptureError(
-            "There is no camera to start from: the page has no photos. Ask for some: "
-            "--training-photos 50."
-        )
+        raise CaptureError("The page has no photo to start from. Add --training-photos 50.")
     counts, not_shown = (len(training), len(held_out)), ""
     if counts != totals:
-        not_shown = (
-            f"{counts[0]} of {totals[0]} training photos and {counts[1]} of {totals[1]} held-out "
-            "ones are here, evenly chosen."
-        )
+        some, others = (f"{few} of {whole}" for few, whole in zip(counts, totals, strict=True))
+        not_shown = f"{some} training photos and {others} held-out ones are here, evenly chosen."
     cameras = []
     with (
         shown_in(model, light),
@@ -175,7 +155,7 @@ def gather(
             cameras.append(_page_camera(model, camera, batch["image"], names[index], None))
             advance()
         shown = model.embedding_of(None)
-        return Contents(
+        return PageScene(
             title=str(run.config.experiment_name),
             date=date.fromtimestamp(run.checkpoint.stat().st_mtime).isoformat(),
             cloud=cloud,
@@ -259,9 +239,6 @@ def _weights(pipeline: DeSplatPipeline, cloud: SplatCloud) -> np.ndarray:
     return weights.cpu().numpy()
 
 
-# --- lights ----------------------------------------------------------------------------------
-
-
 def light_of(model: DeSplatModel, light: str | None) -> str:
     """Whose light a page shows; empty where all photos have the same.
 
@@ -275,46 +252,18 @@ def light_of(model: DeSplatModel, light: str | None) -> str:
 
 
 def other_lights(model: DeSplatModel, rows: Tensor, view: View) -> list[Light]:
-    """Lights of photos that, with the one that is shown, stand for those of all; none where the
-    Gaussians have the same colours in every light. `rows`: which Gaussians [N] of the model are on
-    the page; the background's mean colour in `view` stands for it."""
-    effects = model.image_effects
-    if effects.appearance is None or not model.names:
-        return []
-    among = rows.nonzero()[:, 0]
-    some = among[even_subset(len(among), MOST_GAUSSIANS)]
-
-    def colors(embedding: Tensor) -> Tensor:
-        """[C], without view dependence, one Gaussian after the other."""
-        with model.shown_in(embedding):
-            lit = as_harmonics(model.shown_splats(some))
-        return (C0 * lit.colors[:, 0] + 0.5).clamp(0, 1).flatten()
-
-    photos = even_subset(len(model.names), MOST_PHOTOS)
-    of_photos = torch.stack([colors(effects.of(photo)) for photo in photos])
-    lights = []
-    for chosen in standing_for_all(of_photos, colors(model.embedding_of(None)), MORE_LIGHTS):
-        embedding = effects.of(photos[chosen])
+    """Lights of a few photos, over the Gaussians in `rows` [N]; none where Gaussians have the same
+    colours in every light. The background's mean colour in `view` stands for it."""
+    effects, lights = model.image_effects, list[Light]()
+    if effects.appearance is None:
+        return lights
+    for photo in even_subset(len(model.names), MORE_LIGHTS):
+        embedding = effects.of(photo)
         background = mean_background(model, view, embedding)
         with model.shown_in(embedding):
             harmonics = harmonics_of(model.shown_splats(rows))
-        lights.append(Light(text_of(model.names[photos[chosen]]), background, harmonics))
+        lights.append(Light(text_of(model.names[photo]), background, harmonics))
     return lights
-
-
-def standing_for_all(
-    lights: Float[Tensor, "V C"], first: Float[Tensor, " C"], count: int
-) -> list[int]:
-    """Which of V lights to take beside the first one: one after the other, each such that all V are
-    nearest to those that are taken, in the sum of their distances to the nearest one. None twice.
-    """
-    exact = "donot_use_mm_for_euclid_dist"  # by products, lights that are equal are 0.01 apart
-    among = torch.cdist(lights, lights, compute_mode=exact)
-    nearest, chosen = (lights - first).norm(dim=1), list[int]()
-    for _ in range(count):
-        chosen.append(int(torch.minimum(nearest, among).sum(dim=1).argmin()))
-        nearest = torch.minimum(nearest, among[chosen[-1]])
-    return list(dict.fromkeys(chosen))
 
 
 def mean_background(model: DeSplatModel, view: View, embedding: Tensor) -> Color:

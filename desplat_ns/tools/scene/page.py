@@ -21,7 +21,7 @@ from desplat_ns.core.whole import plain_errors, write_whole
 from desplat_ns.tools.export.splat_cloud import SplatCloud, moved, turned_harmonics
 from desplat_ns.tools.export.spz import color_bytes, placed, spz_bytes
 from desplat_ns.tools.loading import load_run
-from desplat_ns.tools.scene.gather import TO_PAGE, Contents, gather
+from desplat_ns.tools.scene.gather import TO_PAGE, PageScene, scene_of
 
 HERE = Path(__file__).parent
 TEMPLATE = HERE / "page.html.jinja"
@@ -30,16 +30,12 @@ IMPORT = re.compile(r"^import .*?;\n", re.MULTILINE | re.DOTALL)
 STYLE = HERE / "scene.css"
 VIEWER = HERE / "viewer" / "viewer.js.gz"
 WASM = HERE / "viewer" / "spark.wasm.gz"
-
 PICTURES_SHARE, PICTURES_MOST = 0.4, 9_000_000
 """Of the page's bytes that pictures may take, and bytes that they take at most."""
-
 BASE64 = 3 / 4
 """Bytes that a character of the page holds."""
-
 LEAST = 100
 """Gaussians: with fewer there is no scene to speak of."""
-
 MARGIN = 0.97
 """Of the bytes that are there: a reduced file's Gaussians take a little more each."""
 
@@ -53,10 +49,9 @@ def write_scene(
     crop: float | None,
     light: str | None,
 ) -> None:
-    """Write the page of a run's scene, and say what is not on it; arguments as of `desplat-export
-    page`. Raises as `load_run`, `gather` and `html_of`."""
-    contents = gather(load_run(files), most_training, most_held_out, crop, light)
-    text, left_out = html_of(contents, int(megabytes * 1e6))
+    """Write the page of a run's scene, by what `desplat-export page` takes; say what it lacks."""
+    contents = scene_of(load_run(files), most_training, most_held_out, crop, light)
+    text, left_out = scene_html(contents, int(megabytes * 1e6))
     content = text.encode()
     with plain_errors(output):
         write_whole(output, content)
@@ -65,7 +60,7 @@ def write_scene(
         announce(line, warning=True)
 
 
-def html_of(contents: Contents, most: int) -> tuple[str, list[str]]:
+def scene_html(contents: PageScene, most: int) -> tuple[str, list[str]]:
     """The page, of at most so many bytes, and lines about what is not on it. Raises ConfigError
     where photos or Gaussians do not fit, however few or small."""
     pictures = [Picture(camera.photo) for camera in contents.cameras]
@@ -106,10 +101,8 @@ def html_of(contents: Contents, most: int) -> tuple[str, list[str]]:
     content, chosen, share = fitted(turned, int(room * BASE64), lambda _: contents.weigh(cloud))
     shown = turned.rows(chosen)
     if len(shown) < len(cloud):
-        reduced = (
-            f"Reduced to fit: {len(shown):,} of {len(cloud):,} Gaussians, which make up "
-            f"{share:.1%} of what the photos show."
-        )
+        kept = f"{len(shown):,} of {len(cloud):,} Gaussians"
+        reduced = f"Reduced to fit: {kept}, which make up {share:.1%} of what the photos show."
     rows = near.nonzero()[0][chosen]
     scene = _text(content), len(shown), reduced
     limit, others = min(2 * len(page(*scene).encode()), most), list[dict[str, Any]]()
@@ -122,10 +115,7 @@ def html_of(contents: Contents, most: int) -> tuple[str, list[str]]:
         if len(page(*scene, others).encode()) > limit:
             others.pop()
             break
-    lines = [told, contents.not_shown, reduced]
-    if reduced and len(others) < len(contents.other_lights):
-        lines.append(f"Room for {len(others)} of {len(contents.other_lights)} other lights.")
-    return page(*scene, others), [line for line in lines if line]
+    return page(*scene, others), [line for line in (told, contents.not_shown, reduced) if line]
 
 
 def script() -> str:

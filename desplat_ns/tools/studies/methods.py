@@ -23,8 +23,7 @@ def method_config(method: str) -> Any:
 
 
 def parse(method: str, options: Sequence[str]) -> Any:
-    """The configuration that `ns-train` makes of a method and options. Raises SystemExit where an
-    option is not understood; tyro has said which."""
+    """The configuration that `ns-train` makes of a method and options. Raises SystemExit."""
     import tyro
 
     config = method_config(method)
@@ -34,12 +33,8 @@ def parse(method: str, options: Sequence[str]) -> Any:
 
 def splits_of(method: str, data: Path, parser: Sequence[str], *splits: str) -> list[Any]:
     """nerfstudio's DataparserOutputs of a capture's splits, `train`, `test`, by the name and the
-    options of a data parser; without them by the method's own.
-
-    Raises:
-        CaptureError: it cannot be read, or no photo is in a split.
-        SystemExit: the data parser's name or an option is not understood; tyro has said which.
-    """
+    options of a data parser; without them by the method's own. Raises CaptureError where it cannot
+    be read, or no photo is in a split, SystemExit as `parse`."""
     manager = parse(method, ["--data", str(data), *parser]).pipeline.datamanager
     manager.data = data
     try:
@@ -61,7 +56,5 @@ def content_of(train: Any, test: Any) -> str:
     """What is in two splits, in words; sizes are pixels of the median training photo."""
     cameras, points = train.cameras, train.metadata.get("points3D_xyz", ())
     width, height = int(cameras.width.median()), int(cameras.height.median())
-    return (
-        f"{len(cameras)} photos train, {len(test.cameras)} test, {width} x {height}, "
-        f"{len(points)} points"
-    )
+    photos = f"{len(cameras)} photos train, {len(test.cameras)} test"
+    return f"{photos}, {width} x {height}, {len(points)} points"

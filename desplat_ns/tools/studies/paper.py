@@ -11,7 +11,8 @@ minutes:seconds. The mean of Splatfacto's eleven figures of A9 is 94.10; the pap
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, reduce
 from pathlib import Path
@@ -22,122 +23,82 @@ from desplat_ns.core.options import LpipsNet
 from desplat_ns.evaluation.config import ProtocolName
 
 TableName = Literal["robustnerf", "on-the-go", "fig9", "A5", "A6", "A7", "A8", "A9"]
-
-STEPS = 30_000
-"""Of every method on a data set but Photo Tourism; B.3 gives them for DeSplat."""
-
-RATIOS = (0.0, 0.25, 0.5, 0.75, 1.0)
-"""Shares of cluttered photos. Ours: the supplement says that they are varied, not to what."""
-
 LPIPS_NET: LpipsNet = "alex"
 """The supplement names none. nerfstudio 1.1.4, on which the paper is built (B.3), calls LPIPS
 without naming one, which gives AlexNet."""
-
 MEAN = "mean"
 """The column of means over all scenes of a table."""
 
 
-# --- data sets -----------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class DataSet:
-    """A data set as the paper uses it (B.1); docs/compare-with-desplat.md has the protocols."""
-
-    name: str
-    """Also of the folder that `desplat-fetch-data` makes for it."""
-    parser: tuple[str, ...]
-    """Name and options of the data parser, as `ns-train` takes them, but for the resolution."""
-    scoring: ProtocolName = "full"
-    """Which pixels, and in which light; `half` becomes `right` for models without light."""
-    steps: int = STEPS
-    methods: tuple[str, ...] = ("desplat", "desplat-paper", "splatfacto")
-    """That a table compares, if no others are asked for."""
-
-
 @dataclass(frozen=True)
 class PaperScene:
-    """A scene of a data set."""
+    """A scene as the paper uses it (B.1); docs/compare-with-desplat.md has the protocols."""
 
-    data_set: DataSet
+    data_set: str
+    """Also the folder that `desplat-fetch-data` makes for the data set."""
     name: str
     """As the paper calls it."""
     folder: str
     """In the published data set."""
+    reader: tuple[str, ...]
+    """Name and options of the data parser, as `ns-train` takes them, but for the resolution."""
     downscale: int | None
     """Photos at 1/N of their size; None: what the data parser takes by itself."""
-    fetch: str
-    """What `desplat-fetch-data` calls the download that holds it."""
-    options: tuple[str, ...] = ()
-    """Of the data parser, for this scene."""
-    key: str = ""
-    """In the names of its runs; by default the folder."""
+    scoring: ProtocolName = "full"
+    """Which pixels, and in which light; `half` becomes `right` for models without light."""
+    steps: int = 30_000
+    """Of every method; B.3 gives them for DeSplat."""
     place: Path = Path()
     """Where the folder lies here, once it is found."""
+
+    @property
+    def fetch(self) -> str:
+        """What `desplat-fetch-data` calls the download that holds it."""
+        one_by_one = self.data_set == "phototourism"
+        return self.folder.replace("_", "-") if one_by_one else self.data_set
 
     @property
     def parser(self) -> tuple[str, ...]:
         """Name and options of the data parser, as `ns-train` takes them."""
         smaller = () if self.downscale is None else ("--downscale-factor", str(self.downscale))
-        return (*self.data_set.parser, *smaller, *self.options)
+        return (*self.reader, *smaller)
 
 
-def _scenes(data_set: DataSet, fetch: str, downscale: int, names: str) -> tuple[PaperScene, ...]:
-    """Scenes from words `Name:folder`."""
-    pairs = (word.replace("_(", " (").split(":") for word in names.split())
-    return tuple(PaperScene(data_set, name, folder, downscale, fetch) for name, folder in pairs)
+def _scenes(data_set: str, downscale: int | None, names: str, *reader: str) -> list[PaperScene]:
+    """Scenes `A, B (1)`, whose folders are called `a` and `b1`."""
+    reader = reader or (f"{data_set}-data",)
+    folders = {name: re.sub(r" \((\d)\)", r"\1", name).lower() for name in names.split(", ")}
+    return [
+        PaperScene(data_set, name, re.sub("[ -]", "_", folder), reader, downscale)
+        for name, folder in folders.items()
+    ]
 
 
-ROBUSTNERF = DataSet("robustnerf", ("robustnerf-data",))
-_FIVE = "Statue:statue Android:android Crab_(1):crab1 Crab_(2):crab2 Yoda:yoda"
-ROBUSTNERF_SCENES = _scenes(ROBUSTNERF, "robustnerf", 8, _FIVE)
-
-RATIO_SCENES = tuple(
+ROBUSTNERF = _scenes("robustnerf", 8, "Statue, Android, Crab (1), Crab (2), Yoda")
+CLUTTERED = [
     replace(
         scene,
         name=f"{scene.name}, {ratio:.0%} cluttered",
-        options=("--train-split-clean-clutter-ratio", str(ratio)),
-        key=f"{scene.folder}-{100 * ratio:.0f}",
+        reader=(*scene.reader, "--train-split-clean-clutter-ratio", str(ratio)),
     )
-    for scene in ROBUSTNERF_SCENES[3:]
-    for ratio in RATIOS
-)
-
-ON_THE_GO = DataSet("on-the-go", ("on-the-go-data",))
-ON_THE_GO_SCENES = (
-    *_scenes(ON_THE_GO, "on-the-go", 8, "Mountain:mountain Fountain:fountain Corner:corner"),
-    *_scenes(ON_THE_GO, "on-the-go", 4, "Patio:patio"),
-    *_scenes(ON_THE_GO, "on-the-go", 8, "Spot:spot Patio-High:patio_high"),
-)
-
-PHOTO_TOURISM = DataSet(
-    "phototourism",
-    ("photo-tourism-data",),
-    scoring="half",
-    steps=200_000,  # B.3
-    methods=(
-        "desplat-phototourism",
-        "desplat-phototourism-paper",
-        "desplat-phototourism-a-paper",
-        "splatfacto",
-        "splatfacto-w",
-        "splatfacto-w-a",
-    ),
-)
-TOURISM_SCENES = tuple(
-    PaperScene(PHOTO_TOURISM, f"{a} {b}", f"{a}_{b}".lower(), None, f"{a}-{b}".lower())
-    for a, b in (("Brandenburg", "Gate"), ("Sacre", "Coeur"), ("Trevi", "Fountain"))
-)
-
-MIPNERF360 = DataSet("mipnerf360", ("colmap", "--eval-mode", "interval", "--eval-interval", "8"))
-_ROOMS = "room:room counter:counter kitchen:kitchen bonsai:bonsai"
-MIPNERF360_SCENES = (
-    *_scenes(MIPNERF360, "mipnerf360", 4, "bicycle:bicycle garden:garden stump:stump"),
-    *_scenes(MIPNERF360, "mipnerf360", 2, _ROOMS),
-)
-
-
-# --- methods -------------------------------------------------------------------------------------
+    for scene in ROBUSTNERF[3:]
+    for ratio in (0.0, 0.25, 0.5, 0.75, 1.0)  # ours: the supplement does not name them
+]
+ON_THE_GO = [
+    *_scenes("on-the-go", 8, "Mountain, Fountain, Corner"),
+    *_scenes("on-the-go", 4, "Patio"),
+    *_scenes("on-the-go", 8, "Spot, Patio-High"),
+]
+_TOURISM_NAMES = "Brandenburg Gate, Sacre Coeur, Trevi Fountain"
+PHOTO_TOURISM = [
+    replace(scene, scoring="half", steps=200_000)  # B.3
+    for scene in _scenes("phototourism", None, _TOURISM_NAMES, "photo-tourism-data")
+]
+_EIGHTH = ("colmap", "--eval-mode", "interval", "--eval-interval", "8")
+MIPNERF360 = [
+    *_scenes("mipnerf360", 4, "bicycle, garden, stump", *_EIGHTH),
+    *_scenes("mipnerf360", 2, "room, counter, kitchen, bonsai", *_EIGHTH),
+]
 
 
 @dataclass(frozen=True)
@@ -154,17 +115,12 @@ class Method:
     has_light: bool = False
     """Whether it has an embedding for each photo."""
 
-    def scoring(self, data_set: DataSet) -> ProtocolName:
-        """How it is scored: on the data set's pixels, whatever it has."""
-        return "right" if data_set.scoring == "half" and not self.has_light else data_set.scoring
-
 
 _EFFECTS = "--pipeline.model.effects"
 _STATIC = (f"{_EFFECTS}.distractors", "False")
 _W = (*_STATIC, f"{_EFFECTS}.appearance", "sh")
 _W_A = (*_W, f"{_EFFECTS}.background", "off")
 _TOURISM, _TOURISM_A = "desplat-phototourism-paper", "desplat-phototourism-a-paper"
-
 METHODS = {
     method.name: method
     for method in (
@@ -183,8 +139,7 @@ its masks."""
 
 
 def method_of(name: str) -> Method:
-    """A method of the table above, or one that is named as `module:attribute`. Raises ConfigError
-    where it is neither."""
+    """A method of the table above, or `module:attribute`. Raises ConfigError of another name."""
     if name in METHODS:
         return METHODS[name]
     if ":" not in name:
@@ -195,9 +150,6 @@ def method_of(name: str) -> Method:
     return Method(name.replace(":", "."), name)
 
 
-# --- tables --------------------------------------------------------------------------------------
-
-
 @dataclass(frozen=True)
 class Metric:
     """A figure of a table."""
@@ -206,27 +158,42 @@ class Metric:
     title: str
     score: str
     """Of the evaluation, from which it comes."""
-    digits: int = 2
+    form: str = ".2f"
+    """How tables write it; `m:ss` is minutes:seconds."""
     is_rate: bool = False
     """Whether it is one over the evaluation's score."""
-    is_time: bool = False
-    """Whether it is written as minutes:seconds."""
 
     def of(self, scores: Mapping[str, Any]) -> float | None:
         """Its value; None where the evaluation has no such score."""
         value = scores.get(self.score)
-        if value is None or (self.is_rate and value <= 0):
-            return None
-        return 1 / value if self.is_rate else float(value)
+        return 1 / value if self.is_rate and value else value
 
     def text(self, value: float | int | None, sign: str = "") -> str:
         """As tables write it; with `sign` "+" also a positive value has its sign."""
         if value is None:
             return "-"
-        if not self.is_time:
-            return f"{value:{sign}.{self.digits}f}"
+        if self.form != "m:ss":
+            return format(value, sign + self.form)
         minutes, seconds = divmod(round(abs(value)), 60)
         return f"{'-' if value < 0 else sign}{minutes}:{seconds:02d}"
+
+
+_IMAGES = (
+    Metric("psnr", "PSNR, dB, the higher the better", "psnr"),
+    Metric("ssim", "SSIM, the higher the better", "ssim", ".3f"),
+    Metric("lpips", "LPIPS, the lower the better", "lpips", ".3f"),
+)
+_MEMORY = (
+    Metric("static_mb", "Static Gaussians, MB (10^6 bytes)", "static_memory_mb"),
+    Metric("distractor_mb", "Distractor Gaussians, MB (10^6 bytes)", "distractor_memory_mb"),
+)
+_STEPS = "Training steps, minutes:seconds, without set-up and evaluation"
+_TIME = (Metric("train_seconds", _STEPS, "train_wall_seconds", "m:ss"),)
+_SCORED = "Images per second, rendered and scored, as ns-eval counts them (App. C.2)"
+_SPEED = (
+    Metric("fps_with_metrics", _SCORED, "seconds_per_image_with_metrics", is_rate=True),
+    Metric("fps", "Images per second, rendered alone", "seconds_per_image_render", is_rate=True),
+)
 
 
 @dataclass(frozen=True)
@@ -235,56 +202,35 @@ class Table:
 
     name: TableName
     title: str
-    scenes: tuple[PaperScene, ...]
+    scenes: Sequence[PaperScene]
     """In the order of the columns."""
     metrics: tuple[Metric, ...]
     note: str = ""
     """What else a reader of the figures has to know."""
-
-    @property
-    def methods(self) -> tuple[str, ...]:
-        """Those that are compared, if no others are asked for: the same on all its data sets."""
-        return self.scenes[0].data_set.methods
+    methods: tuple[str, ...] = ("desplat", "desplat-paper", "splatfacto")
+    """That are compared, if no others are asked for."""
 
 
-_IMAGES = (
-    Metric("psnr", "PSNR, dB, the higher the better", "psnr"),
-    Metric("ssim", "SSIM, the higher the better", "ssim", 3),
-    Metric("lpips", "LPIPS, the lower the better", "lpips", 3),
-)
-_MEMORY = (
-    Metric("static_mb", "Static Gaussians, MB (10^6 bytes)", "static_memory_mb"),
-    Metric("distractor_mb", "Distractor Gaussians, MB (10^6 bytes)", "distractor_memory_mb"),
-)
-_STEPS = "Training steps, minutes:seconds, without set-up and evaluation"
-_TIME = (Metric("train_seconds", _STEPS, "train_wall_seconds", is_time=True),)
-_SCORED = "Images per second, rendered and scored, as ns-eval counts them (App. C.2)"
-_SPEED = (
-    Metric("fps_with_metrics", _SCORED, "seconds_per_image_with_metrics", is_rate=True),
-    Metric("fps", "Images per second, rendered alone", "seconds_per_image_render", is_rate=True),
-)
 _MAIN_TEXT = "The paper's figures are in its main text; this package has those of the supplement."
 _MB = "The paper does not say which MB it means."
 _V100 = "The paper's are of a Tesla V100 (B.3)."
-_BOTH = (*ROBUSTNERF_SCENES, *ON_THE_GO_SCENES)
-
+_BOTH = (*ROBUSTNERF, *ON_THE_GO)
+_LIT = tuple(name for name, method in METHODS.items() if method.has_light)
+_A5 = (*_LIT[:3], "splatfacto", *_LIT[3:])
 TABLES: dict[TableName, Table] = {
     table.name: table
     for table in (
-        Table("robustnerf", "RobustNeRF", ROBUSTNERF_SCENES, _IMAGES, _MAIN_TEXT),
-        Table("on-the-go", "NeRF On-the-go", ON_THE_GO_SCENES, _IMAGES, _MAIN_TEXT),
-        Table("fig9", "Fig. 9 left: shares of clutter", RATIO_SCENES, _IMAGES, _MAIN_TEXT),
-        Table("A5", "Table A5: Photo Tourism", TOURISM_SCENES, _IMAGES),
-        Table("A6", "Table A6: Mip-NeRF 360", MIPNERF360_SCENES, _IMAGES),
+        Table("robustnerf", "RobustNeRF", ROBUSTNERF, _IMAGES, _MAIN_TEXT),
+        Table("on-the-go", "NeRF On-the-go", ON_THE_GO, _IMAGES, _MAIN_TEXT),
+        Table("fig9", "Fig. 9 left: shares of clutter", CLUTTERED, _IMAGES, _MAIN_TEXT),
+        Table("A5", "Table A5: Photo Tourism", PHOTO_TOURISM, _IMAGES, methods=_A5),
+        Table("A6", "Table A6: Mip-NeRF 360", MIPNERF360, _IMAGES),
         Table("A7", "Table A7: memory", _BOTH, _MEMORY, _MB),
         Table("A8", "Table A8: training time", _BOTH, _TIME, _V100),
         Table("A9", "Table A9: rendering speed", _BOTH, _SPEED, _V100),
     )
 }
 """By the name that is typed."""
-
-
-# --- published figures ---------------------------------------------------------------------------
 
 
 @cache

@@ -18,10 +18,8 @@ from desplat_ns.tools.studies.machine import code_version, short
 
 FILE = "records.jsonl"
 """Name of the file in a command's output folder."""
-
 RUNS = "runs"
 """What is trained, beside it."""
-
 Key = tuple[str, str, str, int]
 """Method, options, capture and seed: what tells a run from all others."""
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import dataclass, field, replace
-from functools import cached_property
+import re
+from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
 from statistics import fmean
@@ -18,29 +18,15 @@ from desplat_ns.core.pages import template
 from desplat_ns.core.whole import only_process_in, plain_errors, whole_folder
 from desplat_ns.metrics import lpips_weights
 from desplat_ns.tools.studies.methods import content_of, method_config, splits_of
-from desplat_ns.tools.studies.paper import (
-    LPIPS_NET,
-    MEAN,
-    Method,
-    Metric,
-    PaperScene,
-    Table,
-    figures_of,
-)
+from desplat_ns.tools.studies.paper import LPIPS_NET, MEAN, Method, PaperScene, Table, figures_of
 from desplat_ns.tools.studies.records import FILE, RUNS, Key, Record, conditions_of, open_records
 from desplat_ns.tools.studies.runs import Executor, Run
 
 TEMPLATE = Path(__file__).with_name("table.md.jinja")
 
-FIRST_SEED = 42
-
-SMOKE_OPTIONS = ("--pipeline.model.num-downscales", "0")
-"""Photos of a smoke run are small enough."""
-
 
 class Smoke(NamedTuple):
-    """How a run is cut short that tries everything and measures nothing: steps, and pixels of the
-    longer side that photos have at most."""
+    """How a run is cut short that measures nothing: steps, and pixels of the longer side."""
 
     steps: int = 100
     side: int = 160
@@ -48,64 +34,42 @@ class Smoke(NamedTuple):
 
 @dataclass
 class Grid:
-    """The work on a table from one start of the command to its end."""
+    """What a table is made of."""
 
     table: Table
-    output: Path
+    scenes: dict[PaperScene, str]
+    """Those that are there, and what is in them, in words."""
+    missing: list[str]
+    """Names of the others."""
     methods: tuple[Method, ...]
     seeds: range
-    executor: Executor
     smoke: Smoke | None
-    """How it is cut short; None: it is not."""
-    contents: dict[PaperScene, str]
-    """What is in the scenes that are there, in words."""
-    missing: list[str]
-    """Names of scenes that are not there."""
-    records: dict[Key, Record]
-    failed: dict[str, str] = field(default_factory=dict)
-    """Why a run has no record, by its name."""
+    """How runs are cut short; None: they are not."""
 
-    @cached_property
-    def runs(self) -> dict[tuple[str, str, int], Run]:
-        """All, by scene, method and seed."""
-        return {
+    def __post_init__(self) -> None:
+        self.runs = {
             (scene.name, method.name, seed): run_of(scene, method, seed, self.smoke)
-            for seed, scene, method in product(self.seeds, self.contents, self.methods)
+            for seed, scene, method in product(self.seeds, self.scenes, self.methods)
         }
 
     @property
-    def folder(self) -> Path:
-        """Of the table's files."""
-        return self.output / (self.table.name + "-smoke" * (self.smoke is not None))
-
-    @property
-    def left(self) -> list[Run]:
-        """Runs that are not done."""
-        return [run for run in self.runs.values() if run.key not in self.records]
-
-    @property
-    def done(self) -> list[Record]:
-        """Records of the others."""
-        keys = (run.key for run in self.runs.values())
-        return [self.records[key] for key in keys if key in self.records]
-
-    def time_left(self) -> str:
-        """In words, once a run is done."""
-        left = len(self.left)
-        seconds = left * fmean(record.seconds for record in self.done) / self.executor.jobs
-        return f"Runs left: {left}, {about(seconds)}."
+    def published(self) -> dict[tuple[str, str, str], float | None]:
+        """The paper's figures, with which those of a smoke run are not compared."""
+        return {} if self.smoke else figures_of(self.table.name)
 
 
 def run_of(scene: PaperScene, method: Method, seed: int, smoke: Smoke | None = None) -> Run:
     """A cell of the grid as it is trained."""
-    data_set, options = scene.data_set, method.options
-    steps = data_set.steps
-    if smoke is not None:
-        steps, options = smoke.steps, options + SMOKE_OPTIONS
+    steps, options = scene.steps, method.options
+    if smoke is not None:  # whose photos are small enough
+        steps, options = smoke.steps, (*options, "--pipeline.model.num-downscales", "0")
     if hasattr(method_config(method.method).pipeline, "evaluation"):
-        options += ("--pipeline.evaluation.protocol", method.scoring(data_set))
+        has_no_light = scene.scoring == "half" and not method.has_light
+        protocol = "right" if has_no_light else scene.scoring
+        options += ("--pipeline.evaluation.protocol", protocol)
         options += ("--pipeline.evaluation.lpips-net", LPIPS_NET)
-    variant = f"{data_set.name}.{scene.key or scene.folder}.{method.name}"
+    name = re.sub("[^a-z0-9]+", "-", scene.name.lower()).strip("-")
+    variant = f"{scene.data_set}.{name}.{method.name}"
     return Run(variant, method.method, options, steps, seed, scene.place, scene.parser)
 
 
@@ -119,44 +83,39 @@ def reproduce(
     smoke: Smoke | None = None,
 ) -> Path:
     """Run what a table needs of the data sets in a folder, and write it; the folder that holds it.
-
-    Raises:
-        CaptureError: scenes cannot be read, or none is there.
-        ConfigError: the output folder will not do.
-        DeSplatError: runs failed; the table is written without them.
-    """
+    Raises CaptureError where scenes cannot be read, or none is there, ConfigError where the output
+    folder will not do, DeSplatError where runs failed; the table is written without them."""
     with only_process_in(output):
         records = open_records(output)
-        contents, missing = find_contents(table, data, smoke)
-        numbers = range(FIRST_SEED, FIRST_SEED + seeds)
-        grid = Grid(table, output, methods, numbers, executor, smoke, contents, missing, records)
-        announce_runs(grid)
-        file, folder = output / FILE, output / RUNS
-        grid.failed = executor.finish(grid.left, records, file, folder, grid.time_left)
-        write_table(grid)
-    if grid.failed:
+        contents = find_contents(table, data, smoke)
+        grid = Grid(table, *contents, methods, range(42, 42 + seeds), smoke)
+        runs = grid.runs.values()
+
+        def left() -> str:
+            done = [records[run.key].seconds for run in runs if run.key in records]
+            seconds = (len(runs) - len(done)) * fmean(done) / executor.jobs
+            return f"Runs left: {len(runs) - len(done)}, {about(seconds)}."
+
+        done = sum(run.key in records for run in runs)
+        announce(f"{table.title}. Runs: {len(runs)}; done: {done}.")
+        for scene, content in grid.scenes.items():
+            announce(f"    {scene.name}: {content}; {scene.place}")
+        weights = lpips_weights(LPIPS_NET)
+        if done < len(runs) and not weights.is_file():  # hours later is too late
+            announce(
+                f"LPIPS's weights are not at {weights}: they are fetched with the first score. "
+                "Where there is no network, copy them there first; else LPIPS is left out.",
+                warning=True,
+            )
+        failed = executor.finish(runs, records, output / FILE, output / RUNS, left)
+        folder = output / (table.name + "-smoke" * (smoke is not None))
+        write_table(grid, records, failed, folder)
+    if failed:
         raise DeSplatError(
-            f"{len(grid.failed)} of {len(grid.runs)} runs failed: {list_names(grid.failed)}. "
-            f"'{grid.folder}' has the table without them; the same command tries them again."
+            f"{len(failed)} of {len(runs)} runs failed: {list_names(failed)}. '{folder}' has the "
+            "table without them; the same command tries them again."
         )
-    return grid.folder
-
-
-def announce_runs(grid: Grid) -> None:
-    """Say what will be run, and where LPIPS's weights belong: hours later is too late."""
-    table, weights = grid.table, lpips_weights(LPIPS_NET)
-    announce(f"{table.title}. Runs: {len(grid.runs)}; done: {len(grid.done)}.")
-    for scene, content in grid.contents.items():
-        announce(f"    {scene.name}: {content}; {scene.place}")
-    if grid.left and any(of.name == "lpips" for of in table.metrics) and not weights.is_file():
-        announce(
-            f"LPIPS's weights are not at {weights}: they are fetched with the first score. Where "
-            "there is no network, copy them there first; else LPIPS is left out.",
-            warning=True,
-        )
-
-
-# --- scenes --------------------------------------------------------------------------------------
+    return folder
 
 
 def find_contents(
@@ -185,10 +144,9 @@ def find_scenes(table: Table, data: Path) -> tuple[list[PaperScene], list[PaperS
     """Scenes of a table whose folders are there, with their places, and those that are missing."""
     found, missing = [], []
     for scene in table.scenes:
+        home = data / scene.data_set  # some archives have another folder of their own name in it
         names = (scene.folder, scene.folder.replace("_", "-"))
-        folder = scene.data_set.name  # some archives have another of their own name in it
-        homes = (data / folder, data / folder / folder, data)
-        places = (home / name for home in homes for name in names)
+        places = (at / name for at in (home, home / home.name, data) for name in names)
         place = next((place for place in places if place.is_dir()), None)
         if place is None:
             missing.append(scene)
@@ -198,13 +156,12 @@ def find_scenes(table: Table, data: Path) -> tuple[list[PaperScene], list[PaperS
 
 
 def outputs_of(scene: PaperScene, split: str) -> Any:
-    """nerfstudio's DataparserOutputs of a split. Raises CaptureError, which names the scene, where
-    it cannot be read, or no photo is in it."""
+    """nerfstudio's DataparserOutputs of a split. Raises CaptureError, which names the scene."""
     try:
         return splits_of("desplat-paper", scene.place, scene.parser, split)[0]
     except CaptureError as error:
         raise CaptureError(
-            f"{scene.data_set.name}, {scene.name}: {error} Where the data set is not whole, move "
+            f"{scene.data_set}, {scene.name}: {error} Where the data set is not whole, move "
             f"'{scene.place.parent}' away and fetch the data set again."
         ) from error
 
@@ -216,29 +173,17 @@ def smaller(scene: PaperScene, side: int) -> PaperScene:
     return replace(scene, downscale=2 ** max(0, math.ceil(math.log2(longest / side))))
 
 
-# --- the table -----------------------------------------------------------------------------------
+def cells_of(grid: Grid, records: dict[Key, Record]) -> dict[tuple[str, str, str], dict[str, Any]]:
+    """All figures, and means where a seed has all scenes; by metric, method and scene. `values` are
+    those of the seeds, `difference` ours less the paper's, None where the paper has no figure."""
+    scenes = [scene.name for scene in grid.scenes]
+    is_whole = grid.smoke is not None or not grid.missing
 
-Cell = dict[str, Any]
-"""A figure of a method on a scene or on `MEAN`: `scene`, `method`, `metric`, `values` (one for each
-seed that is done), `mean`, `paper`, `difference` (ours less the paper's). The last two are None
-where the paper has no figure, and in a smoke run."""
-
-
-def cells_of(grid: Grid) -> dict[tuple[str, str, str], Cell]:
-    """All figures that there are, and their means where a seed has all scenes of the table; by
-    metric, method and scene."""
-    published = {} if grid.smoke else figures_of(grid.table.name)
-    scenes = [scene.name for scene in grid.contents]
-    is_whole = grid.smoke is not None or len(scenes) == len(grid.table.scenes)
-
-    def value(metric: Metric, key: tuple[str, str, int]) -> float | None:
-        record = grid.records.get(grid.runs[key].key)
-        return None if record is None else metric.of(record.scores)
-
-    cells: dict[tuple[str, str, str], Cell] = {}
+    done = {at: records[run.key].scores for at, run in grid.runs.items() if run.key in records}
+    cells: dict[tuple[str, str, str], dict[str, Any]] = {}
     for metric, method in product(grid.table.metrics, grid.methods):
         columns = {
-            scene: [value(metric, (scene, method.name, seed)) for seed in grid.seeds]
+            scene: [metric.of(done.get((scene, method.name, seed), {})) for seed in grid.seeds]
             for scene in scenes
         }
         if is_whole and len(scenes) > 1:
@@ -246,43 +191,34 @@ def cells_of(grid: Grid) -> dict[tuple[str, str, str], Cell]:
             columns[MEAN] = [None if None in values else fmean(values) for values in by_seed]
         for name, values in columns.items():
             if known := [value for value in values if value is not None]:
-                mean, paper = fmean(known), published.get((method.paper, name, metric.name))
-                cells[metric.name, method.name, name] = {
-                    "scene": name,
-                    "method": method.name,
-                    "metric": metric.name,
-                    "values": known,
-                    "mean": mean,
-                    "paper": paper,
-                    "difference": None if paper is None else mean - paper,
-                }
+                cell = {"scene": name, "method": method.name, "metric": metric.name}
+                mean, paper = fmean(known), grid.published.get((method.paper, name, metric.name))
+                cell |= {"values": known, "mean": mean, "paper": paper}
+                cell["difference"] = None if paper is None else mean - paper
+                cells[metric.name, method.name, name] = cell
     return cells
 
 
-def write_table(grid: Grid) -> None:
+def write_table(
+    grid: Grid, records: dict[Key, Record], failed: dict[str, str], folder: Path
+) -> None:
     """Write table.md and table.json. Raises ConfigError where it cannot."""
-    cells = cells_of(grid)
-    scenes = [f"{s.name} ({' '.join(s.parser)}: {what})" for s, what in grid.contents.items()]
-    methods = [f"{m.name} ({' '.join(('ns-train', m.method, *m.options))})" for m in grid.methods]
+    cells = cells_of(grid, records)
     conditions = {
         "the paper's LPIPS net": [LPIPS_NET],
-        "scenes": scenes,
-        "methods": methods,
+        "scenes": [f"{s.name} ({' '.join(s.parser)}: {what})" for s, what in grid.scenes.items()],
+        "methods": [f"{m.name}: ns-train {' '.join((m.method, *m.options))}" for m in grid.methods],
         "seeds": list(grid.seeds),
         "steps": sorted({run.steps for run in grid.runs.values()}),
-        **conditions_of(grid.done),
+        **conditions_of(records[r.key] for r in grid.runs.values() if r.key in records),
     }
     content = {"table": grid.table.name, "smoke": grid.smoke is not None}
     content |= {"cells": [*cells.values()], "conditions": conditions}
-    content |= {"missing scenes": grid.missing, "failed": grid.failed}
+    content |= {"missing scenes": grid.missing, "failed": failed}
+    columns = list(dict.fromkeys(scene for _, _, scene in cells))
     text = template(TEMPLATE).render(
-        grid=grid,
-        cells=cells,
-        columns=list(dict.fromkeys(scene for _, _, scene in cells)),
-        mean=MEAN,
-        published={} if grid.smoke else figures_of(grid.table.name),
-        conditions=conditions,
+        grid=grid, cells=cells, columns=columns, mean=MEAN, failed=failed, conditions=conditions
     )
-    with plain_errors(grid.folder), whole_folder(grid.folder) as draft:
+    with plain_errors(folder), whole_folder(folder) as draft:
         (draft / "table.md").write_text(text, "utf8")
         (draft / "table.json").write_text(json.dumps(content, indent=1) + "\n", "utf8")

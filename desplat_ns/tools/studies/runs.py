@@ -24,17 +24,14 @@ from desplat_ns.tools.studies.records import Key, Record, save
 
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1", "OMP_WAIT_POLICY": "passive"}
 """So that runs beside each other disturb each other little: waiting threads sleep."""
-
 QUIET = ("--experiment-name", "x", "--timestamp", "run", "--vis", "tensorboard")
 QUIET += ("--steps-per-eval-image", "0", "--steps-per-eval-all-images", "0")
 """Options of ns-train: folders of known names, no viewer, no evaluation on the way."""
-
 PROGRAM = "desplat_ns.tools.studies.train_and_score"
 RESULTS, LOG, PICTURES = "results.json", "run.log", "pictures"
 """In the folder of a run; pictures are the held-out photos with the renderings beside them."""
-
-PARENT = "DESPLAT_NS_PARENT"
-"""Environment variable: the process with which a training is to end."""
+RAY = "RAY_ADDRESS"
+"""Environment variable: Ray's own, of a cluster; without it Ray is started here."""
 
 
 @dataclass(frozen=True)
@@ -73,39 +70,30 @@ class Run:
 
 
 Train = Callable[[str, list[str], Path], dict[str, Any]]
-"""Trains and scores a method with options; RESULTS, LOG and PICTURES come into a folder. Returns
-the results, which are those of `train_and_score`."""
-
+"""Trains and scores a method with options, in a folder; returns as `train_and_score`."""
 Do = Callable[[Run, Path], Record]
 """Does a run in a folder; see `execute`."""
-
-
-def import_path() -> dict[str, str]:
-    """The variable by which another process imports what this one would, from a checkout as from an
-    installed package."""
-    return {"PYTHONPATH": os.pathsep.join(dict.fromkeys(map(os.path.abspath, sys.path)))}
 
 
 def in_own_process(method: str, options: list[str], folder: Path) -> dict[str, Any]:
     """A `Train` in a process of one thread. Raises DeSplatError that names its log."""
     line = [sys.executable, "-m", PROGRAM, str(folder / RESULTS), method, *options]
-    with (folder / LOG).open("w") as log:
-        environment = os.environ | import_path() | ONE_THREAD | {PARENT: str(os.getpid())}
-        done = subprocess.run(line, stdout=log, stderr=subprocess.STDOUT, env=environment)
-    if done.returncode != 0:
+    piped: dict[str, Any] = {"stdin": subprocess.PIPE, "stderr": subprocess.STDOUT}
+    with (
+        (folder / LOG).open("w") as log,
+        subprocess.Popen(line, stdout=log, env=os.environ | ONE_THREAD, **piped) as process,
+    ):
+        status = process.wait()  # its stdin stays open as long as this process is there
+    if status != 0:
         raise DeSplatError(f"Training or scoring failed. Its log: {folder / LOG}")
     return json.loads((folder / RESULTS).read_text())
 
 
 def execute(run: Run, folder: Path, train: Train = in_own_process) -> Record:
-    """Train and score a run. Its log, pictures and results stay in a folder of its name, in which
-    they replace those of an earlier run; checkpoints are removed. Raises DeSplatError where the
-    capture is not there, or training or evaluation failed."""
+    """Train and score a run. Its log, pictures and results stay in a folder of its name, instead of
+    an earlier run's; checkpoints are removed. Raises DeSplatError where that failed."""
     if not run.data.exists():
-        raise CaptureError(
-            f"There is no capture at {run.data}. Every machine that trains for a study needs the "
-            "photos in the same place."
-        )
+        raise CaptureError(f"There is no {run.data}. Each machine needs the capture in one place.")
     place = folder / run.name
     shutil.rmtree(place, ignore_errors=True)
     place.mkdir(parents=True)
@@ -118,9 +106,7 @@ def execute(run: Run, folder: Path, train: Train = in_own_process) -> Record:
             shutil.rmtree(checkpoints, ignore_errors=True)
     seconds = round(time.monotonic() - began, 1)
     figures = results["figures"]
-    scores = {
-        name: value for name, value in figures.items() if isinstance(value, int | float | str)
-    }
+    scores = {name: v for name, v in figures.items() if isinstance(v, int | float | str)}
     scores["versions"] = ", ".join(" ".join(pair) for pair in figures.get("versions", {}).items())
     return Record(results["commit"], today(), *run.key, scores, seconds, results["device_name"])
 
@@ -132,8 +118,6 @@ class Executor:
     name: Literal["local", "ray"] = "local"
     jobs: int = 1
     """Runs beside each other."""
-    address: str | None = None
-    """Of a Ray cluster; without one Ray is started here."""
     do: Do = execute
 
     def finish(
@@ -144,18 +128,14 @@ class Executor:
         folder: Path,
         left: Callable[[], str] = str,
     ) -> dict[str, str]:
-        """Do all runs that have no record, record each as it ends, and say so; why some failed, by
-        name.
+        """Do all runs that have no record, in a folder, record each as it ends, and say so; why
+        some failed, by name. Raises ConfigError where records cannot be written, DeSplatError where
+        Ray is not installed.
 
         Args:
             runs: the next is asked for when there is a place for it.
             records: those in `file`; new ones are added.
-            folder: of what is trained.
             left: what to say after each run of what is left, in words.
-
-        Raises:
-            ConfigError: records cannot be written, for instance because the disk is full.
-            DeSplatError: Ray is not installed.
         """
         failed, folder = dict[str, str](), folder.resolve()
         coming = (run for run in runs if run.key not in records)
@@ -172,9 +152,8 @@ class Executor:
                     try:
                         records[run.key] = record = future.result()
                     except Exception as error:
-                        ours = isinstance(error, DeSplatError)
-                        failed[run.name] = "" if ours else f"{type(error).__name__}: "
-                        failed[run.name] += str(error)
+                        kind = "" if isinstance(error, DeSplatError) else type(error).__name__
+                        failed[run.name] = f"{kind}: {error}".removeprefix(": ")
                         announce(f"{run.name}: {failed[run.name]}", warning=True)
                     else:
                         save(file, records.values())
@@ -191,12 +170,11 @@ class Executor:
             import ray  # pyright: ignore[reportMissingImports]
         except ImportError as error:
             raise DeSplatError(
-                "--executor ray needs Ray, which is not installed. Type: "
-                "pip install 'desplat-ns[ray]'."
+                "--executor ray needs Ray. Type: pip install 'desplat-ns[ray]'."
             ) from error
         here: dict[str, Any] = {"num_cpus": self.jobs, "include_dashboard": False}
-        options = here if self.address is None else {"address": self.address}
-        ray.init(runtime_env={"env_vars": import_path()}, log_to_driver=False, **options)
+        options = {} if RAY in os.environ else here
+        ray.init(log_to_driver=False, **options)
         try:
             resources = ray.cluster_resources()
             gpus, cores = (int(resources.get(name, 0)) for name in ("GPU", "CPU"))

@@ -4,7 +4,7 @@ planned, then they are done. Ended at any time, a study goes on where it was."""
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -20,24 +20,16 @@ from desplat_ns.tools.studies.runs import Executor, Run
 
 BASE = "desplat"
 """The method whose options are varied, and its variant of all defaults."""
-
 SEEDS = (42, 43, 44)
 """A difference is claimed only where all were measured: `page.verdicts`."""
-
 LADDER = (0.25, 0.5, 1.0, 2.0, 4.0)
 """Lengths of the base's runs, in lengths of the comparison."""
-
 SHORTEST = 125
-"""Steps of the first run, from whose time the others' is guessed. The length of the comparison is
-this number, doubled some times."""
-
+"""Steps of the first run. A comparison has these, doubled some times."""
 WANTED = 500
 """Steps of a comparison up to which one seed has to do: of shorter runs little can be learned."""
-
 GROWTH = 1.5
-"""A step of a longer run is expected to take this many times one of the first run, until a longer
-one is done: there are more Gaussians."""
-
+"""What a step of a longer run is expected to take, of one of the first: Gaussians grow."""
 GRADES: tuple[AppearanceGrade, ...] = ("off", "camera", "affine")
 
 
@@ -58,11 +50,11 @@ class Study:
     """Of wall time, for the whole study."""
     executor: Executor
     records: dict[Key, Record]
-    planned: list[Run] = field(default_factory=list)
     failed: dict[str, str] = field(default_factory=dict)
     """Why a run has no record, by its name."""
 
     def __post_init__(self) -> None:
+        self.planned = [self.run_of()]
         earlier = sum(record.seconds for record in self.records.values())
         self._began = time.monotonic() - earlier / self.executor.jobs
 
@@ -71,14 +63,10 @@ class Study:
         """Seconds of wall time. Of earlier sessions those of the runs count."""
         return time.monotonic() - self._began
 
-    def time_left(self) -> str:
-        """In words."""
-        return f"Spent: {self.spent / 60:.0f} of {self.seconds / 60:.0f} min."
-
-    def finish(self, runs: Iterable[Run]) -> dict[str, str]:
-        """Do runs that have no record; why some failed."""
-        file, folder = self.output / FILE, self.output / RUNS
-        return self.executor.finish(runs, self.records, file, folder, self.time_left)
+    @property
+    def missing(self) -> list[Run]:
+        """The planned runs that have no record."""
+        return [run for run in self.planned if run.key not in self.records]
 
     def run_of(self, variant: str = BASE, steps: int = SHORTEST, seed: int = SEEDS[0]) -> Run:
         """A variant as it is trained; by default the run that is done first, whatever the plan."""
@@ -96,15 +84,27 @@ class Study:
             runs += [self.run_of(BASE, lengths[-1], seed)]
         return list(dict.fromkeys(runs))
 
+    def expected(self, run: Run) -> float:
+        """Wall seconds of a run, from the start of its process to the end, by the longest planned
+        one of its variant that is done, or of the base: the first run is done. Imports, reading
+        photos and evaluation take as long as there, each step as long as one there."""
+        done = [each for each in self.planned if each.key in self.records]
+        alike = [each for each in done if each.variant == run.variant]
+        base = [each for each in done if each.variant == BASE]
+        known = max(alike or base, key=lambda each: each.steps)
+        record = self.records[known.key]
+        training = record.scores["train_wall_seconds"]
+        growth = GROWTH if run.steps > known.steps == SHORTEST else 1.0
+        return record.seconds - training + run.steps * growth * training / known.steps
+
     def steps_that_fit(self, most: int) -> int:
         """Steps of the longest comparison of which all runs fit into the time; up to `WANTED` steps
         those of the first seed. The first run is done. `most`: steps of the method itself."""
-        pace, seconds = pace_of([self.run_of()], self.records), self.seconds * self.executor.jobs
         chosen = steps = SHORTEST
         while steps <= most:
             seeds = SEEDS if steps > WANTED else SEEDS[:1]
             runs = (run for run in self.plan(steps, most) if run.seed in seeds)
-            if sum(map(pace, runs)) <= seconds:
+            if sum(map(self.expected, runs)) <= self.seconds * self.executor.jobs:
                 chosen = steps
             steps *= 2
         return chosen
@@ -112,10 +112,18 @@ class Study:
     def fitting(self) -> Iterator[Run]:
         """The planned runs that are not done, in order, that are expected to end in time when they
         are asked for. One that does not fit is passed over: shorter ones behind it may."""
-        for run in self.planned:
-            pace = pace_of(self.planned, self.records)
-            if run.key not in self.records and pace(run) <= self.seconds - self.spent:
+        for run in self.missing:
+            if self.expected(run) <= self.seconds - self.spent:
                 yield run
+
+    def finish(self, runs: Iterable[Run]) -> dict[str, str]:
+        """Do runs that have no record; why some failed."""
+
+        def left() -> str:
+            return f"Spent: {self.spent / 60:.0f} of {self.seconds / 60:.0f} min."
+
+        file, folder = self.output / FILE, self.output / RUNS
+        return self.executor.finish(runs, self.records, file, folder, left)
 
     def do(self) -> None:
         """Do the runs that are not done and for which time is left. Raises DeSplatError where the
@@ -125,13 +133,11 @@ class Study:
         most = method_config(BASE).nominal_num_iterations
         steps = self.steps_that_fit(most)
         self.planned = self.plan(steps, most)
-        pace = pace_of(self.planned, self.records)
-        ahead = [pace(run) for run in self.planned if run.key not in self.records]
-        left = min(sum(ahead) / self.executor.jobs, max(0.0, self.seconds - self.spent))
+        ahead = sum(map(self.expected, self.missing)) / self.executor.jobs
         announce(
             f"Variants are compared at {steps:,} steps. Planned runs: {len(self.planned)}; done: "
-            f"{len(self.planned) - len(ahead)}. Of the others those are done that fit into the "
-            f"time, in {about(left)}."
+            f"{len(self.planned) - len(self.missing)}. Of the others those are done that fit into "
+            f"the time, in {about(min(ahead, max(0.0, self.seconds - self.spent)))}."
         )
         self.failed = self.finish(self.fitting())
 
@@ -140,8 +146,7 @@ def tradeoff(
     data: Path, parser: tuple[str, ...], output: Path, seconds: float, executor: Executor
 ) -> Path:
     """Do a study as far as its time goes, earlier sessions included, and write its page; where that
-    is. Raises DeSplatError where the capture or the folder will not do, the first run failed, or
-    another process is at work in the folder."""
+    is. Raises as `open_study` and `Study.do`."""
     from desplat_ns.tools.studies.page import write_page  # which imports this module
 
     with only_process_in(output):
@@ -155,22 +160,17 @@ def open_study(
     data: Path, parser: tuple[str, ...], output: Path, seconds: float, executor: Executor
 ) -> Study:
     """What an output folder holds of the study of a capture, or a new one; the capture is surveyed.
-    Raises CaptureError where it cannot be read, or nothing of it is held out, ConfigError where the
-    folder holds another study, or something else."""
+    Raises CaptureError where nothing is held out, ConfigError where the folder has another one."""
     records, data = open_records(output), data.resolve()
     for record in records.values():
         if record.capture != str(data):
             raise ConfigError(
-                f"'{output}' holds the study of '{record.capture}'. Name another --output, or that "
-                "capture to go on with it."
+                f"'{output}' holds the study of '{record.capture}'. Name another --output."
             )
     train, test = splits_of(BASE, data, parser, "train", "test")
     effects = decided_effects(method_config(BASE).pipeline.model.effects, train)[0].settled()
     content = content_of(train, test)
     return Study(data, parser, content, effects, output, seconds, executor, records)
-
-
-# --- which runs --------------------------------------------------------------------------------
 
 
 def compared(base: Effects) -> dict[str, tuple[str, tuple[str, ...]]]:
@@ -207,21 +207,3 @@ def compared(base: Effects) -> dict[str, tuple[str, tuple[str, ...]]]:
         },
         "background": variant(f"background {background}", replace(base, background=background)),
     }
-
-
-def pace_of(runs: Iterable[Run], done: Mapping[Key, Record]) -> Callable[[Run], float]:
-    """Expected wall seconds of a run, from the start of its process to the end.
-
-    A run takes a + b steps: a is for imports, reading photos and evaluation, b for a step. Both
-    are those of the variant's longest run that is done, or of the base's; the first run is done."""
-    known: dict[str, tuple[int, float, float]] = {}
-    for run in sorted(runs, key=lambda run: run.steps):
-        if (record := done.get(run.key)) is not None:
-            training = record.scores["train_wall_seconds"]
-            known[run.variant] = run.steps, record.seconds - training, training / run.steps
-
-    def seconds(run: Run) -> float:
-        steps, start, step = known.get(run.variant, known[BASE])
-        return start + run.steps * step * (GROWTH if run.steps > steps == SHORTEST else 1.0)
-
-    return seconds

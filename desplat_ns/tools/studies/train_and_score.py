@@ -19,19 +19,14 @@ from nerfstudio.scripts.train import _set_random_seed
 from desplat_ns.core.errors import DeSplatError
 from desplat_ns.tools.studies.machine import code_version, device_name
 from desplat_ns.tools.studies.methods import parse
-from desplat_ns.tools.studies.runs import PARENT, PICTURES
+from desplat_ns.tools.studies.runs import PICTURES
 
 
 def train_and_score(method: str, options: list[str], pictures: Path) -> dict[str, Any]:
-    """Train by a method and options of `ns-train`, score, and put pictures into a folder.
-
-    Returns:
-        `figures` as `ns-eval` writes them, with `train_cpu_seconds` and `train_wall_seconds` of the
-        training steps, without photos, last checkpoint and evaluation; `commit`; `device_name`.
-
-    Raises:
-        DeSplatError: training was stopped before its last step; such a model is not scored.
-    """
+    """Train by a method and options of `ns-train`, score, and put pictures into a folder: `figures`
+    as `ns-eval` writes them, with `train_cpu_seconds` and `train_wall_seconds` of the training
+    steps, without photos, last checkpoint and evaluation; `commit`; `device_name`. Raises
+    DeSplatError where training was stopped before its last step; such a model is not scored."""
     commit, config = code_version(), parse(method, options)
     if config.data is not None:
         config.pipeline.datamanager.data = config.data
@@ -64,21 +59,15 @@ def train_and_score(method: str, options: list[str], pictures: Path) -> dict[str
     }
 
 
-def end_with(parent: int) -> None:
-    """End this process soon after its parent, so that nothing trains on for a study that was
-    killed, into a folder in which another process begins again."""
-
-    def watch() -> None:
-        while os.getppid() == parent:
-            time.sleep(1)
-        os._exit(1)
-
-    Thread(target=watch, daemon=True).start()
+def end_with_study() -> None:
+    """End this process when its stdin ends: nothing trains on for a study that was killed."""
+    os.read(0, 1)  # sys.stdin would hold a lock that keeps Python from ending
+    os._exit(1)
 
 
 def main() -> None:
     """Entry point; pictures go into the folder `pictures` beside the results."""
-    end_with(int(os.environ.get(PARENT, os.getppid())))  # it may have ended while this began
+    Thread(target=end_with_study, daemon=True).start()
     target, method, *options = sys.argv[1:]
     results = train_and_score(method, options, Path(target).with_name(PICTURES))
     Path(target).write_text(json.dumps(results))

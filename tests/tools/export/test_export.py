@@ -19,7 +19,7 @@ from desplat_ns.backend.protocol import Rendering, View
 from desplat_ns.core.run_files import RunFiles, find_run
 from desplat_ns.data.transforms_json import TransformsDataParser
 from desplat_ns.tools.export import export
-from desplat_ns.tools.export.export import export_splats, within
+from desplat_ns.tools.export.export import export_splats, reach_of
 from desplat_ns.tools.export.splat_cloud import OFF_BY
 from desplat_ns.tools.loading import load_run
 from desplat_ns.training.datamanager import DeSplatDataManager
@@ -41,13 +41,9 @@ def rendering(camera: View, depth: float, alpha: float) -> Rendering:
     )
 
 
-def test_points_are_kept_up_to_a_multiple_of_the_median_depth_that_a_camera_shows():
-    pose = np.eye(4)
-    pose[0, 3] = -10  # at (10, 0, 0)
-    depths = iter([1.0, 2.0])
-    points = np.array([[1.9, 0, 0], [2.1, 0, 0], [6.1, 0, 0], [14.1, 0, 0]])
-    kept = within(points, [view(), view(pose)], lambda c: rendering(c, next(depths), 0.9), 2.0)
-    assert kept.tolist() == [True, False, True, False]
+def test_a_camera_looks_as_far_as_the_median_depth_of_what_is_opaque():
+    assert reach_of(view(), lambda small: rendering(small, 2.0, 0.9)) == 2.0
+    assert reach_of(view(), lambda small: rendering(small, 2.0, 0.4)) is None
 
 
 @pytest.mark.slow

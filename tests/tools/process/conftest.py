@@ -12,6 +12,12 @@ if TYPE_CHECKING:
     from tests.helpers.yard import Features, Yard
 
 
+@pytest.fixture(autouse=True)
+def one_core(monkeypatch: pytest.MonkeyPatch) -> None:
+    """On one thread the same photos give the same poses."""
+    monkeypatch.setattr("desplat_ns.tools.process.reconstruction.cores", lambda: 1)
+
+
 @pytest.fixture(scope="session")
 def yard() -> Yard:
     """A dozen views of a scene with texture everywhere, whose cameras are known."""

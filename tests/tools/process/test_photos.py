@@ -19,7 +19,6 @@ from tests.helpers.yard import (
     copied,
     features_of,
     places_of,
-    silent,
     write_mask_of_the_mark,
 )
 
@@ -32,7 +31,7 @@ ROUNDED = 1.0
 
 def prepared(folder: Path, *names: str, longest_side: int = 1600) -> list[Photo]:
     """Photos of `folder` with copies in `folder`/copies."""
-    return prepare_photos(folder, names, folder / "copies", longest_side, 2, silent)
+    return prepare_photos(folder, names, folder / "copies", longest_side)
 
 
 @pytest.mark.parametrize("size", [(300, 200), (320, 240), (150, 200)])
@@ -64,7 +63,7 @@ def test_a_disk_that_fills_up_is_an_error_and_leaves_no_part_of_a_photo(
         "signal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n"
         "resource.setrlimit(resource.RLIMIT_FSIZE, (20000, 20000))\n"
         "folder = Path(sys.argv[1])\n"
-        "prepare_photos(folder, ['a.png'], folder / 'copies', 400, 1, print)\n"
+        "prepare_photos(folder, ['a.png'], folder / 'copies', 400)\n"
     )
     line = [sys.executable, "-c", code, str(tmp_path)]
     done = subprocess.run(line, cwd=checkout, capture_output=True, text=True)
@@ -118,7 +117,7 @@ def test_what_is_transparent_gets_no_feature_and_is_written_as_a_png(photo_write
     alpha[:, :20] = 0
     PIL.Image.fromarray(np.dstack([pixels, alpha])).save(tmp_path / "photos" / "a.png")
     photo_writer(tmp_path / "photos" / "b.png", 60, 40, seed=1)
-    photos = prepare_photos(tmp_path / "photos", ["a.png", "b.png"], tmp_path / "c", 60, 1, silent)
+    photos = prepare_photos(tmp_path / "photos", ["a.png", "b.png"], tmp_path / "c", 60)
     assert [photo.name for photo in photos] == ["a.png", "b.jpg"]
 
     def allowed(photo: Photo) -> np.ndarray:
@@ -135,7 +134,7 @@ def test_what_is_transparent_gets_no_feature_and_is_written_as_a_png(photo_write
 
 def test_masks_of_photos_in_folders_are_found_by_the_names_alone(photo_writer, tmp_path: Path):
     photo_writer(tmp_path / "images" / "a.png", 60, 40)
-    photos = prepare_photos(tmp_path, ["images/a.png"], tmp_path / "w" / "c", 60, 1, silent)
+    photos = prepare_photos(tmp_path, ["images/a.png"], tmp_path / "w" / "c", 60)
     photo_writer(tmp_path / "masks" / "a.jpg.png", 60, 40)
     with pytest.raises(CaptureError, match=r"a\.jpg\.png"):
         prepare_masks(tmp_path / "masks", photos, tmp_path / "w" / "masks")

@@ -32,7 +32,7 @@ def test_of_two_places_the_one_with_more_photos_is_taken_and_the_other_named(
     for photo in [*photos_of(fox, 0, 9), *others]:
         shutil.copy(photo, tmp_path / "photos")
     out = tmp_path / "out"
-    Request(tmp_path / "photos", out, effort="plain", threads=1).main()
+    Request(tmp_path / "photos", out, effort="plain").main()
     found = json.loads((out / "process.json").read_text("utf8"))["findings"]
     assert (found["photos"], found["of"]) == (9, 17)
     ((reason, sources),) = found["left_out"].items()

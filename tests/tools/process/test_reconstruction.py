@@ -27,7 +27,7 @@ from desplat_ns.tools.process.reconstruction import (
     match_photos,
     verified_pairs,
 )
-from tests.helpers.yard import CLOSE, EDGE, Features, Yard, copied, places_of, silent
+from tests.helpers.yard import CLOSE, EDGE, Features, Yard, copied, places_of
 
 FEW = replace(PLAIN, neighbours=3)
 """With a dozen photos: each is compared with a quarter of the others."""
@@ -53,7 +53,7 @@ def compared(mine: Features) -> set[tuple[int, int]]:
 def worst_pose(mine: Features, yard: Yard, order: Sequence[int]) -> float:
     """Pixels by which the worst camera is off, of photos that show those views; all have poses."""
     folder = mine.database.with_name("models")
-    best = map_photos(mine.database, mine.copies, folder, PLAIN, 1, silent)[0]
+    best = map_photos(mine.database, mine.copies, folder, PLAIN)[0]
     views = {photo.copy: view for photo, view in zip(mine.photos, order, strict=True)}
     return yard.farthest(best.folder, views)
 
@@ -66,31 +66,12 @@ def test_each_pairing_gives_every_photo_its_place(
     mine = plain.again(tmp_path)
     if pairing == "similar":
         monkeypatch.setattr(reconstruction, "ALL_PAIRS_UP_TO", 5)
-    match_photos(mine.database, pairing == "sequential", FEW, 1, silent)
+    match_photos(mine.database, pairing == "sequential", FEW)
     if pairing == "similar":  # the camera goes around: the most alike are next to each other
         last = len(mine.photos) - 1
         assert {(i, i + 1) for i in range(last)} <= compared(mine)
         assert all(b - a < last / 2 for a, b in compared(mine))
     assert worst_pose(mine, yard, range(len(yard.pictures))) < CLOSE
-
-
-@pytest.mark.slow
-def test_matching_tells_what_is_done_of_what_is_left_after_few_pairs(
-    plain: Features, tmp_path: Path
-):
-    mine, told = plain.again(tmp_path), list[tuple[int, int]]()
-
-    def stop(done: int, total: int) -> None:
-        told.append((done, total))
-        if done:
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        match_photos(mine.database, False, FEW, 1, stop)
-    match_photos(mine.database, False, FEW, 1, lambda done, total: told.append((done, total)))
-    pairs, few = told[1][1], told[1][0]
-    assert told[0] == (0, pairs) and 0 < few <= pairs / 4
-    assert told[2] == (0, pairs - few) and told[-1] == (pairs - few, pairs - few)
 
 
 @pytest.mark.slow
@@ -104,7 +85,7 @@ def test_what_a_video_shows_again_at_its_end_is_compared_with_its_beginning(
     photos = copied(yard.write(tmp_path / "photos", order), tmp_path / "copies")
     mine = Features(tmp_path / "database.db", tmp_path / "copies", photos)
     extract(mine)
-    match_photos(mine.database, True, FEW, 1, silent)
+    match_photos(mine.database, True, FEW)
     last = len(order) - 1
     assert (0, last) not in reconstruction.sequential_pairs(len(order))
     tied = {numbers(a, b) for a, b, _ in verified_pairs(mine.database)[1]}
@@ -115,7 +96,7 @@ def extract(mine: Features) -> None:
     """Find plain features of photos."""
     cameras = group_by_camera(mine.photos, "auto")
     enter_photos(mine.database, mine.copies, cameras, "auto")
-    find_features(mine.database, mine.copies, PLAIN, 1, silent)
+    find_features(mine.database, mine.copies, PLAIN)
 
 
 @pytest.mark.slow
@@ -123,7 +104,7 @@ def test_another_focal_length_leaves_features_and_matches_and_verifies_anew(
     plain: Features, tmp_path: Path
 ):
     mine = plain.again(tmp_path)
-    match_photos(mine.database, False, PLAIN, 1, silent)
+    match_photos(mine.database, False, PLAIN)
     at_500 = 500 * FILM_DIAGONAL / np.hypot(320, 240)
     known = [replace(photo, focal_35mm=at_500) for photo in mine.photos]
     for photos, starts, matches in ((mine.photos, 384.0, True), (known, 500.0, False)):
@@ -156,7 +137,7 @@ def test_what_stands_still_in_all_photos_does_not_tie_them(
     marked: Features, yard: Yard, tmp_path: Path
 ):
     mine = marked.again(tmp_path)
-    match_photos(mine.database, False, FEW, 1, silent)
+    match_photos(mine.database, False, FEW)
     still, every = verified_at_equal_places(mine)
     assert still == 0 and every > 0
     assert worst_pose(mine, yard, EVERY_OTHER) < CLOSE
@@ -164,24 +145,36 @@ def test_what_stands_still_in_all_photos_does_not_tie_them(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("calls", [0, 1, 2])
-def test_features_that_were_cut_off_go_on_where_they_stopped(
+def test_features_and_matches_that_were_cut_off_go_on_where_they_stopped(
     yard: Yard, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, calls: int
 ):
     """Cut off before the first call of pycolmap, after it, after the second."""
     photos = copied(yard.write(tmp_path / "photos", range(5)), tmp_path / "copies")
-    mine = Features(tmp_path / "database.db", tmp_path / "copies", photos)
-    done, asked = pycolmap.extract_features, []
+    mine, left = Features(tmp_path / "database.db", tmp_path / "copies", photos), [calls]
 
-    def noted(at: Path, folder: Path, names: list[str], **options: Any) -> None:
-        if len(asked) == calls:
-            raise KeyboardInterrupt
-        asked.append(names)
-        done(at, folder, names, **options)
+    def cut_off(name: str) -> None:
+        done = getattr(pycolmap, name)
 
-    monkeypatch.setattr(reconstruction.pycolmap, "extract_features", noted)
+        def noted(*places: Any, **options: Any) -> None:
+            if left[0] == 0:
+                raise KeyboardInterrupt
+            left[0] -= 1
+            done(*places, **options)
+
+        monkeypatch.setattr(reconstruction.pycolmap, name, noted)
+
+    cut_off("extract_features")
     with pytest.raises(KeyboardInterrupt):
         extract(mine)
-    calls = 99
+    left[0] = 99
     extract(mine)
     counts = feature_counts(mine.database)
     assert list(counts) == [photo.copy for photo in photos] and all(counts.values())
+    cut_off("match_image_pairs")
+    left[0] = 1
+    with pytest.raises(KeyboardInterrupt):
+        match_photos(mine.database, False, PLAIN)
+    assert len(before := compared(mine)) == 8, "a call's pairs"
+    left[0] = 99
+    match_photos(mine.database, False, PLAIN)
+    assert before < compared(mine) and len(compared(mine)) == 10

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from desplat_ns.core.errors import CaptureError, ConfigError
-from desplat_ns.tools.process.request import Request, find_sources
+from desplat_ns.tools.process.request import Request, find_photos
 
 
 def touch(folder: Path, *names: str) -> Path:
@@ -24,9 +24,7 @@ def test_photos_in_folders_are_found_and_hidden_ones_and_the_output_are_not(
 ):
     names = ("b ü.jpg", "a/1.PNG", "note.txt", "a/2.png", ".x.jpg", "out/images/9.jpg")
     touch(tmp_path, *names, ".thumbnails/0.jpg", "trip/.picasaoriginals/0.jpg")
-    sources = find_sources(tmp_path, tmp_path / "out")
-    assert sources.names == ("a/1.PNG", "a/2.png", "b ü.jpg")
-    assert not sources.is_video
+    assert find_photos(tmp_path, tmp_path / "out") == ["a/1.PNG", "a/2.png", "b ü.jpg"]
     assert "1 passed over: 1 .txt" in " ".join(capsys.readouterr().out.split())
 
 
@@ -34,14 +32,14 @@ def test_photos_in_folders_are_found_and_hidden_ones_and_the_output_are_not(
 def test_what_cannot_be_processed_is_named(tmp_path: Path, names: tuple[str, ...]):
     folder = touch(tmp_path / "p", *names) if names else tmp_path
     with pytest.raises(CaptureError, match=names[0] if names else str(tmp_path)):
-        find_sources(folder, tmp_path / "out")
+        find_photos(folder, tmp_path / "out")
 
 
 @pytest.mark.parametrize("output", ["photos", "."])
 def test_a_capture_is_not_made_in_or_around_the_folder_of_its_photos(tmp_path: Path, output: str):
     photos = touch(tmp_path / "photos", *(f"{i}.jpg" for i in range(3)))
     with pytest.raises(CaptureError):
-        find_sources(photos, tmp_path / output)
+        find_photos(photos, tmp_path / output)
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="other systems have no such names")
@@ -51,11 +49,11 @@ def test_a_name_that_is_no_text_is_named(tmp_path: Path):
     os.rename(tmp_path / "1.jpg", os.fsencode(tmp_path) + b"/gr\xfcn.jpg")
     os.rename(tmp_path / "2.jpg", tmp_path / "a\nb.jpg")
     with pytest.raises(CaptureError, match=r"(?s)^2 names.*gr\\xfcn\.jpg") as caught:
-        find_sources(tmp_path, tmp_path / "out")
+        find_photos(tmp_path, tmp_path / "out")
     str(caught.value).encode()  # it can be printed
 
 
-@pytest.mark.parametrize("wrong", [{"longest_side": 5}, {"frames": 2}, {"threads": -1}])
+@pytest.mark.parametrize("wrong", [{"longest_side": 5}, {"frames": 2}])
 def test_a_number_that_cannot_be_is_named(tmp_path: Path, wrong: dict[str, int]):
     (name,) = wrong
     with pytest.raises(ConfigError, match=f"--{name.replace('_', '-')}"):
@@ -68,10 +66,10 @@ def test_masks_that_lie_among_the_photos_are_not_taken_for_photos(
 ):
     names = ("a.jpg", "b.jpg", "c.jpg", "carnival masks/2.jpg", "maskenball/a.jpg")
     touch(tmp_path, *names, f"{masks}/a.png", f"{masks}/b.jpg.png")
-    assert find_sources(tmp_path, tmp_path / "out").names == tuple(sorted(names))
+    assert find_photos(tmp_path, tmp_path / "out") == sorted(names)
     said = capsys.readouterr().out
     assert f"--mask '{tmp_path / masks}'" in said or f"--mask {tmp_path / masks}" in said
-    find_sources(tmp_path, tmp_path / "out", tmp_path / masks)
+    find_photos(tmp_path, tmp_path / "out", tmp_path / masks)
     assert capsys.readouterr().out == ""
 
 
@@ -80,13 +78,13 @@ def test_masks_beside_the_photos_are_told_and_a_mask_among_them_is_no_photo(
 ):
     photos = touch(tmp_path / "images", *(f"{i}.jpg" for i in range(3)), "stick.png")
     touch(tmp_path / "masks", "1.png")
-    assert len(find_sources(photos, tmp_path / "out").names) == 4
+    assert len(find_photos(photos, tmp_path / "out")) == 4
     assert "masks" in capsys.readouterr().out
-    assert len(find_sources(photos, tmp_path / "out", photos / "stick.png").names) == 3
+    assert len(find_photos(photos, tmp_path / "out", photos / "stick.png")) == 3
 
 
 def test_photos_in_a_folder_that_is_a_link_are_found(tmp_path: Path):
     touch(tmp_path / "real", "1.jpg", "2.jpg")
     photos = touch(tmp_path / "photos", "0.jpg")
     (photos / "day2").symlink_to(tmp_path / "real")
-    assert find_sources(photos, tmp_path / "out").names == ("0.jpg", "day2/1.jpg", "day2/2.jpg")
+    assert find_photos(photos, tmp_path / "out") == ["0.jpg", "day2/1.jpg", "day2/2.jpg"]

@@ -14,7 +14,7 @@ from desplat_ns.core.errors import CaptureError
 from desplat_ns.data.images import read_image
 from desplat_ns.tools.process.request import Request
 from desplat_ns.tools.process.video import motion, pixel_aspect, take_frames
-from tests.helpers.yard import BLUR, SIZE, Yard, silent, view_of
+from tests.helpers.yard import BLUR, SIZE, Yard, view_of
 
 pytestmark = pytest.mark.slow
 
@@ -28,14 +28,14 @@ def test_frames_that_are_taken_are_the_sharp_ones_of_their_numbers(
     film: Path, yard: Yard, tmp_path: Path
 ):
     """Each looks more like its view than like any other, and than like its view blurred."""
-    names = take_frames(film, tmp_path / "frames", 150, silent)
+    names = take_frames(film, tmp_path / "frames", 150)
     candidates = [*yard.pictures, *(cv2.GaussianBlur(p, (0, 0), BLUR) for p in yard.pictures)]
     for name in names:
         frame = read_image(tmp_path / "frames" / name).astype(float)
         off = [np.abs(frame - candidate).mean() for candidate in candidates]
         assert int(np.argmin(off)) == view_of(name)
-    assert take_frames(film, tmp_path / "frames", 150, silent) == names
-    assert len(take_frames(film, tmp_path / "few", 4, silent)) <= 4
+    assert take_frames(film, tmp_path / "frames", 150) == names
+    assert len(take_frames(film, tmp_path / "few", 4)) <= 4
 
 
 @pytest.mark.parametrize("views", [1, 12], ids=["three frames", "all the same"])
@@ -65,7 +65,7 @@ def test_pixels_of_a_video_become_square(yard: Yard, tmp_path: Path, aspect: tup
     narrow = SIZE[0] * min(1, high / wide), SIZE[1] * min(1, wide / high)
     squeeze = f"scale={narrow[0]:.0f}:{narrow[1]:.0f},setsar={wide}/{high}"
     film = yard.film(tmp_path / "film.mp4", ("-vf", squeeze))
-    names = take_frames(film, tmp_path / "frames", 150, silent)
+    names = take_frames(film, tmp_path / "frames", 150)
     for name in names:
         frame = read_image(tmp_path / "frames" / name).astype(float)
         off = [np.abs(frame - view).mean() for view in yard.pictures]
@@ -82,4 +82,4 @@ def test_what_is_no_video_is_refused(tmp_path: Path):
     broken = tmp_path / "broken.mp4"
     broken.write_bytes(b"no video")
     with pytest.raises(CaptureError, match=r"broken\.mp4"):
-        take_frames(broken, tmp_path / "frames", 150, silent)
+        take_frames(broken, tmp_path / "frames", 150)

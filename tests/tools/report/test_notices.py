@@ -1,24 +1,25 @@
-"""What is said of a run, and when nothing is."""
+"""What is said of a run, and when nothing is; why effects are on or off."""
 
+import html
+import re
 from typing import Any
 
 import numpy as np
 import pytest
 
-from desplat_ns.distractors.config import DistractorConfig
-from desplat_ns.tools.report.notices import notices
+from desplat_ns.core.effects import Effects
+from desplat_ns.tools.report.page import report_html
 from desplat_ns.tools.report.views import Disputed
-from tests.helpers.report import training_photo
+from tests.helpers.report import contents, training_photo
 
-PHOTOS = [training_photo(f"{number}.png") for number in range(3)]
-DISPUTED = Disputed(0.3, ["1.png", "2.png"], np.ones((4, 6), bool))
+DISPUTED = Disputed(0.3, ["photo_1.png", "photo_2.png"], np.ones((4, 6), bool))
 
 
 def said(**changes: Any) -> list[str]:
-    """What is said of a long run in which nothing stands out, but for the changes."""
-    inputs = {"steps": 30_000, "planned": 30_000, "photos": PHOTOS, "disputed": None, "alone": {}}
-    inputs |= {"distractors": DistractorConfig(start="residual")}
-    return [f"{notice.what} {notice.advice}" for notice in notices(**inputs | changes)]
+    """What is said of a run in which nothing stands out, but for the changes."""
+    text = report_html(contents(**{"alone": {}, **changes}))
+    items = text.partition('<ul class="notices">')[2].partition("</ul>")[0].split("<li>")[1:]
+    return [html.unescape(item) for item in items]
 
 
 def covered(*shares: float) -> list[Any]:
@@ -28,12 +29,13 @@ def covered(*shares: float) -> list[Any]:
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"steps": 12_000}, ["12,000 of 30,000", "--load-dir"]),
-        ({"photos": covered(0.7, 0.1, 0.1)}, ["1 of 3", "0.png", "strong-excess"]),
-        ({"photos": covered(0.7, 0.9, 0.1)}, ["2 of 3", "1.png, 0.png", "appearance", "lambda-d"]),
-        ({"photos": covered(0.0, 0.0)}, ["strong-excess"]),
-        ({"disputed": DISPUTED}, ["30%", "1.png, 2.png"]),
-        ({"alone": {"a.jpg": 0.5}}, ["a.jpg (50%)"]),
+        ({"planned": 12_000}, ["2,000 of 12,000", "--load-dir"]),
+        ({"training": covered(0.7, 0.1, 0.1)}, ["1 of 3", "0.png", "strong-excess (now"]),
+        ({"training": covered(0.7, 0.9, 0.1)}, ["2 of 3", "1.png, 0.png", "affine", "lambda-d"]),
+        ({"training": covered(0.0, 0.0)}, ["strong-excess"]),
+        ({"disputed": DISPUTED}, ["30%", "photo_1.png, photo_2.png", "<img"]),
+        ({"alone": {"a.jpg": 0.5}}, ["a.jpg (50%)."]),
+        ({"alone": dict.fromkeys("abcd", 0.5)}, ["a (50%), b (50%), c (50%) and 1 more."]),
     ],
 )
 def test_what_stands_out_is_said_with_what_to_try(changes: dict[str, Any], words: list[str]):
@@ -41,19 +43,35 @@ def test_what_stands_out_is_said_with_what_to_try(changes: dict[str, Any], words
     assert all(word in text for word in words), text
 
 
-def test_a_disputed_place_is_shown_in_the_photo_that_is_named_first():
-    (notice,) = notices(30_000, 30_000, PHOTOS, None, DISPUTED, {})
-    assert notice.picture is not None
-    assert notice.picture.pixels.shape == PHOTOS[1].pictures["photo"].pixels.shape
-
-
 @pytest.mark.parametrize(
     "changes",
-    [
-        {},
-        {"distractors": None, "photos": covered(0.0)},
-        {"steps": 12_000, "planned": None},
-    ],
+    [{}, {"distractors": None, "training": covered(0.0)}, {"steps": 12_000, "planned": None}],
 )
 def test_where_nothing_stands_out_nothing_is_said(changes: dict[str, Any]):
     assert said(**changes) == []
+
+
+def finding(decision: Any, confidence: str) -> dict[str, Any]:
+    return {"decision": decision, "confidence": confidence, "reason": "Because."}
+
+
+SURVEY = {"appearance": finding("camera", "close"), "background": finding("off", "none")}
+
+
+def effects(**changes: Any) -> list[tuple[str, str]]:
+    """The grade of each effect, and why."""
+    text = report_html(contents(survey=SURVEY, num_photos=29, **changes))
+    cards = text.partition('<h2 id="effects">')[2]
+    return re.findall(r'class="value">(.*?)</span></h3>\s*<p>(.*?)</p>', cards, re.DOTALL)
+
+
+def test_an_effect_has_the_surveys_reason():
+    (on, in_photos), (camera, close), (off, safe) = effects()
+    assert (on, camera, off) == ("on", "camera", "off")
+    assert "2 of 29" in in_photos and "a.jpg, b.jpg" in in_photos
+    assert close.startswith("Because.") and "close call" in close and "safe side" in safe
+
+
+def test_an_effect_that_was_given_against_the_survey_says_so():
+    (off, _), (affine, why), _ = effects(effects=Effects(False, "affine"))
+    assert (off, affine) == ("off", "affine") and "would have said camera: Because." in why

@@ -6,7 +6,7 @@ from html.parser import HTMLParser
 
 from desplat_ns.core.pages import Picture
 from desplat_ns.tools.report import page
-from desplat_ns.tools.report.page import html_of
+from desplat_ns.tools.report.page import report_html
 from tests.helpers.report import contents, held_out_photo, noise, plain_photo, training_photo
 
 VOID = {"meta", "link", "img", "input", "br"}
@@ -39,7 +39,7 @@ class Tags(HTMLParser):
 
 
 def test_every_training_photo_has_a_slider_with_a_label_and_its_pictures():
-    tags = Tags(html_of(contents()))
+    tags = Tags(report_html(contents()))
     assert [slider["type"] for slider in tags.of("input")] == ["range"] * 3
     assert all((slider["aria-label"] or "").startswith("photo_") for slider in tags.of("input"))
     assert len(tags.of("img")) == 3 * 4 + 3
@@ -47,7 +47,7 @@ def test_every_training_photo_has_a_slider_with_a_label_and_its_pictures():
 
 
 def test_a_page_asks_for_nothing():
-    html = html_of(contents())
+    html = report_html(contents())
     for tag, attrs in Tags(html).tags:
         for name in ("src", "href", "srcset", "data", "action"):
             address = attrs.get(name)
@@ -62,10 +62,11 @@ def test_names_are_text_whatever_is_in_them():
         capture=EVIL,
         training=[training_photo(EVIL)],
         held_out=[held_out_photo(EVIL)],
-        notices=[replace(contents().notices[0], what=EVIL, advice=EVIL)],
+        alone={EVIL: 0.5},
+        in_the_way=[EVIL],
         config=EVIL,
     )
-    html = html_of(evil)
+    html = report_html(evil)
     assert "<script>alert" not in html
     assert html.count("<script>") == 1
     assert "alert" not in "".join(v for _, attrs in Tags(html).tags for v in attrs if v)
@@ -73,14 +74,14 @@ def test_names_are_text_whatever_is_in_them():
 
 def test_a_run_that_scored_nothing_has_a_page():
     plain = [plain_photo("a.jpg")]
-    empty = contents(training=plain, notices=[], held_out=[], results={}, num_photos=1700)
-    assert len(Tags(html_of(empty)).of("img")) == 2
+    empty = contents(training=plain, alone={}, held_out=[], results={}, num_photos=1700)
+    assert len(Tags(report_html(empty)).of("img")) == 2
 
 
 def photos_covered(*shares: float) -> str:
     """A page of training photos of which these shares are covered."""
     photos = [training_photo(f"{n}.jpg", share) for n, share in enumerate(shares)]
-    return html_of(contents(training=photos))
+    return report_html(contents(training=photos))
 
 
 def test_photos_that_are_covered_most_come_first_and_those_that_are_not_are_folded():
@@ -93,7 +94,7 @@ def test_photos_that_are_covered_most_come_first_and_those_that_are_not_are_fold
 def test_pictures_stand_with_their_photo():
     photos = [training_photo(f"{n}.jpg") for n in range(4)]
     photos.insert(2, plain_photo("plain.jpg"))
-    images = Tags(html_of(contents(training=photos))).of("img")
+    images = Tags(report_html(contents(training=photos))).of("img")
     by_name = {(image["alt"] or ""): image["src"] for image in images}
     red, blue = by_name["plain.jpg, the photo"], by_name["plain.jpg, the static scene"]
     assert red != blue
@@ -110,7 +111,7 @@ def test_pictures_get_what_the_scene_leaves_of_the_page(monkeypatch):
     ]
 
     def size(scene: str) -> int:
-        text = html_of(contents(training=loud, held_out=[]), scene)
+        text = report_html(contents(training=loud, held_out=[]), scene)
         return sum(map(len, re.findall(r"data:image[^\"]*", text)))
 
     alone = size("")

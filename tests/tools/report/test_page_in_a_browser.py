@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from desplat_ns.tools.report.page import html_of
-from desplat_ns.tools.scene.page import html_of as scene_page
+from desplat_ns.tools.report.page import report_html
+from desplat_ns.tools.scene.page import scene_html
 from tests.helpers.browser import Page, headless_page
 from tests.helpers.report import contents
 from tests.helpers.scene import contents as scene_contents
@@ -22,7 +22,7 @@ FRAME = "document.querySelector('iframe.scene')"
 @pytest.fixture(scope="module")
 def address(tmp_path_factory: pytest.TempPathFactory) -> str:
     path = tmp_path_factory.mktemp("page") / "report.html"
-    path.write_text(html_of(contents()))
+    path.write_text(report_html(contents()))
     return path.as_uri()
 
 
@@ -68,7 +68,7 @@ def test_no_request_leaves_the_page_and_nothing_goes_wrong(page: Page, address: 
 
 def test_the_scene_is_drawn_in_the_report_which_scrolls_on_until_it_is_clicked(tmp_path: Path):
     path = tmp_path / "report.html"
-    path.write_text(html_of(contents(), scene=scene_page(scene_contents(), 4_000_000)[0]))
+    path.write_text(report_html(contents(), scene=scene_html(scene_contents(), 4_000_000)[0]))
     with headless_page(webgl=True) as page:
         page.open(path.as_uri())
         page.wait_for(f"!!{FRAME}.contentWindow.scenePage")

@@ -15,7 +15,12 @@ from desplat_ns.core.errors import CaptureError, ConfigError
 from desplat_ns.core.run_files import find_run
 from desplat_ns.tools.export.splat_cloud import baked
 from desplat_ns.tools.loading import LoadedRun, load_run
-from desplat_ns.tools.scene.gather import AVERAGE, gather, light_of, other_lights, standing_for_all
+from desplat_ns.tools.scene.gather import (
+    AVERAGE,
+    light_of,
+    other_lights,
+    scene_of,
+)
 from tests.helpers.small_model import held_out, model_with, moved
 
 pytestmark = pytest.mark.slow
@@ -30,7 +35,7 @@ def run(trained: Path) -> LoadedRun:
 
 def test_every_photo_has_its_camera_and_what_was_taken_out_of_it(run: LoadedRun):
     model: Any = run.pipeline.model
-    contents = gather(run, 100, 100)
+    contents = scene_of(run, 100, 100)
     manager = run.pipeline.datamanager
     training = [camera for camera in contents.cameras if not camera.held_out]
     assert [camera.name for camera in training] == list(manager.train_image_names)
@@ -46,7 +51,7 @@ def test_every_photo_has_its_camera_and_what_was_taken_out_of_it(run: LoadedRun)
 def test_fewer_photos_are_told_and_gaussians_weighed_by_what_they_make_up_of_the_photos(
     run: LoadedRun,
 ):
-    contents = gather(run, 2, 1)
+    contents = scene_of(run, 2, 1)
     assert [camera.held_out for camera in contents.cameras] == [False, False, True]
     assert contents.not_shown.startswith("2 of 6 training photos and 1 of")
     weights = contents.weigh(contents.cloud)
@@ -65,20 +70,7 @@ def test_what_cannot_be_shown_is_an_error_that_names_the_option(
     run: LoadedRun, options: dict[str, Any], error: type[Exception], named: str
 ):
     with pytest.raises(error, match=named):
-        gather(run, **{"most_training": 1, "most_held_out": 0, **options})
-
-
-def on_a_line(*places: float) -> torch.Tensor:
-    return torch.tensor(places)[:, None]
-
-
-def test_lights_are_taken_that_all_are_nearest_to():
-    """Around 0 is the first one. Of those about 10 the middle one serves all three best, and then
-    the one at -4 is farther from what is taken than any other."""
-    lights = on_a_line(0.1, 9.0, 10.0, 11.0, -4.0, 0.2)
-    assert standing_for_all(lights, torch.zeros(1), 2) == [2, 4]
-    lights = on_a_line(*[0.0] * 10, *[5.0] * 10, 20.0)
-    assert 10 <= standing_for_all(lights, torch.zeros(1), 1)[0] < 20, "not the strange one"
+        scene_of(run, **{"most_training": 1, "most_held_out": 0, **options})
 
 
 @pytest.mark.parametrize("appearance", ["affine", "sh"])
@@ -88,7 +80,7 @@ def test_each_light_has_the_colours_that_are_baked_for_its_photo(appearance: str
     model.names[0] += "\udcfc"  # a byte that is no text
     rows = torch.arange(model.num_points) % 3 != 0
     lights = other_lights(model, rows, view_of(held_out()))
-    assert 1 <= len(lights) <= 3 and len({light.name for light in lights}) == len(lights)
+    assert len(lights) == len({light.name for light in lights}) == 3
     for light in lights:
         photo = [text_of(name) for name in model.names].index(light.name)
         with model.shown_in(model.image_effects.of(photo)):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from desplat_ns.tools.export.splat_cloud import SplatCloud
-from desplat_ns.tools.scene.page import html_of
+from desplat_ns.tools.scene.page import scene_html
 from tests.helpers.browser import Page, headless_page
 from tests.helpers.scene import (
     HEIGHT,
@@ -40,7 +40,7 @@ def address(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def page(address: Path) -> Iterator[Page]:
     with headless_page(webgl=True) as browser:
         browser.resize(WIDTH, HEIGHT)
-        address.write_text(html_of(contents(), MOST)[0])
+        address.write_text(scene_html(contents(), MOST)[0])
         opened(browser, address)
         yield browser
 
@@ -72,7 +72,7 @@ def test_another_light_is_shown_where_it_is_chosen_and_the_first_one_again(tmp_p
     ours = drawn(scene.cloud, view)
     lit = drawn(replace(scene.cloud, harmonics=other.harmonics), view, other.background)
     assert psnr(ours, lit) < 20
-    with bare_scene(tmp_path / "a.html", html_of(scene, MOST)[0], WIDTH, HEIGHT) as page:
+    with bare_scene(tmp_path / "a.html", scene_html(scene, MOST)[0], WIDTH, HEIGHT) as page:
         settle(page, "scenePage.goTo(1)")
         first = shown(page)
         assert psnr(first, ours) > LEAST_PSNR
@@ -92,7 +92,7 @@ def test_strong_harmonics_are_drawn_whole(tmp_path: Path, degree: int, antialias
     strong = plain.harmonics * np.where(np.arange((degree + 1) ** 2) > 0, 4, 1)[:, None]
     strong = replace(plain, harmonics=strong.astype(np.float32), antialiased=antialiased)
     scene = contents(cloud=strong)
-    with bare_scene(tmp_path / "a.html", html_of(scene, MOST)[0], WIDTH, HEIGHT) as page:
+    with bare_scene(tmp_path / "a.html", scene_html(scene, MOST)[0], WIDTH, HEIGHT) as page:
         settle(page, "scenePage.goTo(1)")
         assert psnr(shown(page), drawn(scene.cloud, scene.cameras[1].view)) > 40
 
@@ -196,7 +196,7 @@ def test_what_is_nearer_than_the_near_plane_is_not_shown_there(tmp_path: Path):
     scene, disc = cloud(degree=0), red_disc()
     both = joined(scene, disc)
     page_data = contents(cloud=both, cameras=[camera("a.png", 0, near=1.0), camera("b.png", 40)])
-    with bare_scene(tmp_path / "a.html", html_of(page_data, MOST)[0], WIDTH, HEIGHT) as page:
+    with bare_scene(tmp_path / "a.html", scene_html(page_data, MOST)[0], WIDTH, HEIGHT) as page:
         settle(page, "scenePage.goTo(0)")
         hidden = shown(page)
         assert psnr(hidden, drawn(scene, page_data.cameras[0].view)) > LEAST_PSNR
@@ -222,7 +222,7 @@ def test_no_request_leaves_the_page_and_nothing_goes_wrong(page: Page, address: 
 
 def test_without_webgl_it_says_so_and_shows_pictures(tmp_path: Path):
     path = tmp_path / "a.html"
-    path.write_text(html_of(contents(), MOST)[0])
+    path.write_text(scene_html(contents(), MOST)[0])
     with headless_page() as page:
         opened(page, path)
         assert "has no WebGL 2" in page.value("document.getElementById('status').textContent")

@@ -44,7 +44,7 @@ def program(tmp_path: Path, monkeypatch):
     def put(line: str) -> None:
         (tmp_path / "probe.py").write_text(f"import json, os, sys\n{line}\n")
 
-    monkeypatch.syspath_prepend(tmp_path)  # what this process can import, the other can
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     monkeypatch.setattr(module, "PROGRAM", "probe")
     return put
 

@@ -8,15 +8,12 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
-from scipy import stats
 
 from desplat_ns.core.effects import Effects
 from desplat_ns.core.errors import ConfigError, DeSplatError
 from desplat_ns.tools.studies import tradeoff as module
 from desplat_ns.tools.studies.methods import parse
-from desplat_ns.tools.studies.page import Measured, corrected, p_value, verdicts, write_page
+from desplat_ns.tools.studies.page import corrected, verdicts, write_page
 from desplat_ns.tools.studies.records import FILE, Record, load, open_records
 from desplat_ns.tools.studies.runs import Executor, Run
 from desplat_ns.tools.studies.tradeoff import (
@@ -27,7 +24,6 @@ from desplat_ns.tools.studies.tradeoff import (
     WANTED,
     Study,
     compared,
-    pace_of,
 )
 from tests.helpers.made_up_runs import made_up
 
@@ -68,24 +64,24 @@ def test_variants_differ_from_the_base_in_one_thing_and_the_method_takes_them(ba
 def test_runs_are_expected_to_take_what_the_longest_of_their_variant_took():
     short, long = replace(FIRST, steps=250), replace(FIRST, steps=1000)
     other = replace(long, variant="fewer", options=("--fewer", "1"))
-    runs = [FIRST, short, long, other]
-    pace = pace_of(runs, records_of(FIRST))
-    assert pace(FIRST) == pytest.approx(5 + 12.5)
-    assert pace(long) == pace(other) == pytest.approx(5 + 100 * GROWTH)
+    study = study_of(100.0, records_of(FIRST))
+    study.planned = [FIRST, short, long, other]
+    assert study.expected(FIRST) == pytest.approx(5 + 12.5)
+    assert study.expected(long) == study.expected(other) == pytest.approx(5 + 100 * GROWTH)
     slow = replace(made_up(other, Path()), seconds=405.0, scores={"train_wall_seconds": 400.0})
-    pace = pace_of(runs, records_of(FIRST, short) | {other.key: slow})
-    assert pace(long) == pytest.approx(105) and pace(other) == pytest.approx(405)
+    study.records |= records_of(short) | {other.key: slow}
+    assert study.expected(long) == pytest.approx(105)
+    assert study.expected(other) == pytest.approx(405)
 
 
 @pytest.mark.parametrize("seconds", [30.0, 5e3, 1e6])
 def test_a_comparison_is_the_longest_that_fits(seconds: float):
-    records = records_of(FIRST)
-    pace, study = pace_of([FIRST], records), study_of(seconds, records)
+    study = study_of(seconds, records_of(FIRST))
     steps = study.steps_that_fit(30_000)
 
     def cost(steps: int) -> float:
         seeds = SEEDS if steps > WANTED else SEEDS[:1]
-        return sum(pace(run) for run in study.plan(steps, 30_000) if run.seed in seeds)
+        return sum(study.expected(run) for run in study.plan(steps, 30_000) if run.seed in seeds)
 
     assert steps == SHORTEST or cost(steps) <= seconds
     assert 2 * steps > 30_000 or cost(2 * steps) > seconds
@@ -179,31 +175,26 @@ def test_another_session_goes_on_with_what_is_missing(sit: Sit, time: Time, tmp_
 # --- what may be claimed -------------------------------------------------------------------------
 
 
-def point(*psnr: float, variant: str = "other") -> Measured:
-    scores = ({"psnr": value} for value in psnr)
-    return Measured(variant, 100, dict(zip(SEEDS, scores, strict=False)))
+def scores(*psnr: float) -> dict[int, dict[str, float]]:
+    return {seed: {"psnr": value} for seed, value in zip(SEEDS, psnr, strict=False)}
+
+
+def said(*others: dict[int, dict[str, float]], steps: int = 100) -> list[str]:
+    """Of variants beside the base, of 100 steps."""
+    points = {(BASE, 100): scores(20.0, 20.1, 20.2)}
+    found = verdicts(points | {(f"{i}", steps): other for i, other in enumerate(others)})
+    assert found.pop((BASE, 100)) == ""
+    return [*found.values()]
 
 
 def test_a_difference_is_claimed_of_three_seeds_and_for_the_number_of_comparisons():
     """t = 0.3 sqrt(3) / 0.1 = 5.2: p = 0.035 alone, 0.28 as one of eight."""
-    base, apart = point(20.0, 20.1, 20.2, variant=BASE), point(20.3, 20.5, 20.4)
-    assert verdicts([base, apart]) == ["", "+0.30 dB, p = 0.035"]
-    assert verdicts([base, *[apart] * 8])[1:] == ["+0.30 dB, not told apart (p = 0.28)"] * 8
-    claims = verdicts([base, apart, point(25.0)])
-    assert claims[1:] == ["+0.30 dB, p = 0.035", "+5.00 dB, 1 of 3 seeds: no claim"]
-    assert verdicts([apart]) == [""], "there is no base to compare it with"
-
-
-decibels = st.floats(-5, 5).map(lambda x: round(x, 3))
-
-
-@given(st.tuples(decibels, decibels, decibels))
-def test_p_is_that_of_a_paired_t_test(differences):
-    """Both round sums of three numbers; near 0 scipy's own has 1e-12 or so."""
-    if len(set(differences)) > 1:
-        expected = stats.ttest_1samp(differences, 0.0)[1]
-        assert p_value(differences) == pytest.approx(expected, abs=1e-9)
-    assert p_value((0.5, 0.5, 0.5)) == 0.0 and p_value((0.0, 0.0, 0.0)) == 1.0
+    apart = scores(20.3, 20.5, 20.4)
+    assert said(apart) == ["+0.30 dB, p = 0.035"]
+    assert said(*[apart] * 8) == ["+0.30 dB, not told apart (p = 0.28)"] * 8
+    assert said(apart, scores(25.0)) == ["+0.30 dB, p = 0.035", "+5.00 dB, 1 of 3 seeds: no claim"]
+    assert said(apart, steps=200) == [""], "there is no base to compare it with"
+    assert said(scores(20.0, 20.1, 20.2)) == ["+0.00 dB, not told apart (p = 1)"]
 
 
 def test_holms_correction_is_as_worked_out_by_hand():
