@@ -58,7 +58,8 @@ class RunConfig(TrainerConfig):
     budget: str = ""
     """Wall time for the run, for example 10min: start-up, training and saving. Trial steps are
     timed, and decide how many there will be, at most `max_num_iterations`, and how large photos
-    are; then schedules follow the clock. Compiling kernels, once for each machine, does not count.
+    are; then their number follows the clock. Compiling kernels, once for each machine, is not
+    counted.
     """
 
     def __new__(cls, *args: Any, **options: Any) -> RunConfig:
