@@ -28,8 +28,6 @@ Size = tuple[int, int]
 Photo = dict[str, Any]
 """What `CaptureDataset.get_data` gives: `image_idx`, `image`, perhaps `mask`."""
 
-ImageType = Literal["uint8", "float32"]
-
 
 class CaptureDataset(InputDataset):
     """nerfstudio's dataset: photos upright, of any format, reduced by area.
@@ -63,7 +61,9 @@ class CaptureDataset(InputDataset):
         check_size(path, (image.shape[1], image.shape[0]), self.sizes[image_idx])
         return resize_image(image, *self.sizes[image_idx])
 
-    def get_data(self, image_idx: int, image_type: ImageType = "float32") -> Photo:
+    def get_data(
+        self, image_idx: int, image_type: Literal["uint8", "float32"] = "float32"
+    ) -> Photo:
         """`image_idx`, `image` [H, W, C] and, if the capture has masks, `mask` [H, W, 1] (bool)."""
         read = self.get_image_uint8 if image_type == "uint8" else self.get_image_float32
         data: Photo = {"image_idx": image_idx, "image": read(image_idx)}
@@ -113,10 +113,9 @@ class PhotoReader:
     as it reads; here they are set before any photo is read.
     """
 
-    def __init__(self, dataset: CaptureDataset, image_type: ImageType):
+    def __init__(self, dataset: CaptureDataset):
         """Sets the dataset's cameras, so that a dataset may have one reader only."""
         self._dataset = dataset
-        self._image_type: ImageType = image_type
         self._lenses = deepcopy(dataset.cameras)
         self._set_cameras()
 
@@ -126,7 +125,7 @@ class PhotoReader:
         Raises:
             CaptureError: it cannot be read (any more), or does not fit its camera.
         """
-        photo = self._dataset.get_data(index, self._image_type)
+        photo = self._dataset.get_data(index, "uint8")
         lens = _bent_lens(self._lenses, index)
         if lens is not None:
             _, image, mask = _undistorted(lens, photo, photo["image"].numpy())
