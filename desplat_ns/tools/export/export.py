@@ -14,7 +14,6 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from desplat_ns.backend.protocol import Rendering, View
-from desplat_ns.cameras.allowed_views import allowed_views, seen_by_any
 from desplat_ns.cameras.views import view_of
 from desplat_ns.core.console import announce, progress_over
 from desplat_ns.core.errors import ConfigError
@@ -22,6 +21,7 @@ from desplat_ns.core.run_files import RunFiles
 from desplat_ns.core.whole import plain_errors, whole_folder, write_whole
 from desplat_ns.model import DeSplatModel
 from desplat_ns.photo_tourism.shown_light import mixed_light
+from desplat_ns.tools.export.allowed_views import allowed_views, seen_by_any
 from desplat_ns.tools.export.formats import UPRIGHT, Frame, Naming, format_of
 from desplat_ns.tools.export.gltf import glb_bytes
 from desplat_ns.tools.export.masks import dilated, distractor_mask, mask_names, photos_on_disk
