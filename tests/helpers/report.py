@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from desplat_ns.core.pages import Picture
+from desplat_ns.tools.pages import Picture
 from desplat_ns.tools.report.notices import Notice
 from desplat_ns.tools.report.page import Contents, EffectReason
 from desplat_ns.tools.report.pictures import Photo

@@ -7,8 +7,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from desplat_ns.core.console import list_names
-from desplat_ns.core.pages import Picture
 from desplat_ns.distractors.config import DistractorConfig
+from desplat_ns.tools.pages import Picture
 from desplat_ns.tools.report.pictures import Photo, marked
 from desplat_ns.tools.report.views import Disputed
 
