@@ -12,12 +12,13 @@ from typing import Any, Literal
 import numpy as np
 import torch
 from jaxtyping import Bool, UInt8
-from nerfstudio.cameras.cameras import Cameras, CameraType
+from nerfstudio.cameras.cameras import Cameras
 from nerfstudio.data.datamanagers.full_images_datamanager import _undistort_image
 from nerfstudio.data.dataparsers.base_dataparser import DataparserOutputs
 from nerfstudio.data.datasets.base_dataset import InputDataset
 from torch import Tensor
 
+from desplat_ns.cameras.views import is_distorted
 from desplat_ns.core.errors import CaptureError
 from desplat_ns.data.downscale import SIZE_TOLERANCE
 from desplat_ns.data.images import image_size, read_image, read_mask, resize_image, resize_mask
@@ -155,9 +156,7 @@ class PhotoReader:
 def _bent_lens(cameras: Cameras, index: int) -> Any:
     """One camera, None where it is a pinhole."""
     lens = cameras[index].reshape(())
-    is_fisheye = int(lens.camera_type) == CameraType.FISHEYE.value
-    bends = lens.distortion_params is not None and bool(torch.any(lens.distortion_params != 0))
-    return lens if bends or is_fisheye else None
+    return lens if is_distorted(lens) else None
 
 
 def _undistorted(lens: Any, photo: Photo, image: np.ndarray) -> Any:

@@ -70,9 +70,7 @@ def toned_color(
 
 
 def toned_coefficients(
-    coefficients: Float[Tensor, "N K 3"],
-    gamma: Float[Tensor, "N 3"],
-    beta: Float[Tensor, "N 3"],
+    coefficients: Float[Tensor, "N K 3"], gamma: Float[Tensor, "N 3"], beta: Float[Tensor, "N 3"]
 ) -> Float[Tensor, "N K 3"]:
     """SH coefficients whose colour, SH + 1/2, is the toned colour of the given ones everywhere.
 

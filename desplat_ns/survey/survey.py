@@ -11,12 +11,7 @@ from nerfstudio.data.dataparsers.base_dataparser import DataparserOutputs
 from desplat_ns.core.console import announce, list_names
 from desplat_ns.core.effects import Effects, EffectsConfig
 from desplat_ns.core.errors import CaptureError
-from desplat_ns.survey.appearance import (
-    appearance_finding,
-    confirmed,
-    local_steps,
-    matched_points,
-)
+from desplat_ns.survey.appearance import appearance_finding, confirmed, local_steps, matched_points
 from desplat_ns.survey.background import Sky, background_finding, skies_of
 from desplat_ns.survey.findings import Survey
 from desplat_ns.survey.observations import Observations, observe

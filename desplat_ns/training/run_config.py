@@ -17,11 +17,7 @@ from desplat_ns.core.console import announce
 from desplat_ns.core.effects import Effects
 from desplat_ns.core.errors import ConfigError, begin_run
 from desplat_ns.core.options import check_ranges, ranged
-from desplat_ns.core.schedule import (
-    GPU_VISITS,
-    seconds_of,
-    steps_for_visits,
-)
+from desplat_ns.core.schedule import GPU_VISITS, seconds_of, steps_for_visits
 from desplat_ns.model_config import DeSplatModelConfig
 from desplat_ns.plugin import check_what_is_read, write_enumerations_by_value
 from desplat_ns.survey.findings import Survey

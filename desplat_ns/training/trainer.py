@@ -41,18 +41,9 @@ from desplat_ns.core.console import TOLD_EVERY, about, announce
 from desplat_ns.core.errors import CaptureError, CheckpointError, ConfigError
 from desplat_ns.core.optimizers import follow, load_moments, optimizer_options, set_position
 from desplat_ns.core.run_files import SURVEY
-from desplat_ns.core.schedule import (
-    RunStep,
-    Schedule,
-    early_rate_factor,
-    rate_factor,
-    seconds_of,
-)
+from desplat_ns.core.schedule import RunStep, Schedule, early_rate_factor, rate_factor, seconds_of
 from desplat_ns.core.whole import plain_errors
-from desplat_ns.plugin import (
-    announce_above_the_table,
-    train_on_where_logs_cannot_be_written,
-)
+from desplat_ns.plugin import announce_above_the_table, train_on_where_logs_cannot_be_written
 from desplat_ns.training import resume
 from desplat_ns.training.clock import TIMED_FROM, Clock
 from desplat_ns.training.datamanager import DeSplatDataManagerConfig, training_split
