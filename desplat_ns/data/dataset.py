@@ -12,12 +12,13 @@ from typing import Any, Literal
 import numpy as np
 import torch
 from jaxtyping import Bool, UInt8
-from nerfstudio.cameras.cameras import Cameras, CameraType
+from nerfstudio.cameras.cameras import Cameras
 from nerfstudio.data.datamanagers.full_images_datamanager import _undistort_image
 from nerfstudio.data.dataparsers.base_dataparser import DataparserOutputs
 from nerfstudio.data.datasets.base_dataset import InputDataset
 from torch import Tensor
 
+from desplat_ns.cameras.views import is_distorted
 from desplat_ns.core.errors import CaptureError
 from desplat_ns.data.downscale import SIZE_TOLERANCE
 from desplat_ns.data.images import image_size, read_image, read_mask, resize_image, resize_mask
@@ -27,8 +28,6 @@ Size = tuple[int, int]
 
 Photo = dict[str, Any]
 """What `CaptureDataset.get_data` gives: `image_idx`, `image`, perhaps `mask`."""
-
-ImageType = Literal["uint8", "float32"]
 
 
 class CaptureDataset(InputDataset):
@@ -63,7 +62,9 @@ class CaptureDataset(InputDataset):
         check_size(path, (image.shape[1], image.shape[0]), self.sizes[image_idx])
         return resize_image(image, *self.sizes[image_idx])
 
-    def get_data(self, image_idx: int, image_type: ImageType = "float32") -> Photo:
+    def get_data(
+        self, image_idx: int, image_type: Literal["uint8", "float32"] = "float32"
+    ) -> Photo:
         """`image_idx`, `image` [H, W, C] and, if the capture has masks, `mask` [H, W, 1] (bool)."""
         read = self.get_image_uint8 if image_type == "uint8" else self.get_image_float32
         data: Photo = {"image_idx": image_idx, "image": read(image_idx)}
@@ -113,10 +114,9 @@ class PhotoReader:
     as it reads; here they are set before any photo is read.
     """
 
-    def __init__(self, dataset: CaptureDataset, image_type: ImageType):
+    def __init__(self, dataset: CaptureDataset):
         """Sets the dataset's cameras, so that a dataset may have one reader only."""
         self._dataset = dataset
-        self._image_type: ImageType = image_type
         self._lenses = deepcopy(dataset.cameras)
         self._set_cameras()
 
@@ -126,7 +126,7 @@ class PhotoReader:
         Raises:
             CaptureError: it cannot be read (any more), or does not fit its camera.
         """
-        photo = self._dataset.get_data(index, self._image_type)
+        photo = self._dataset.get_data(index, "uint8")
         lens = _bent_lens(self._lenses, index)
         if lens is not None:
             _, image, mask = _undistorted(lens, photo, photo["image"].numpy())
@@ -156,9 +156,7 @@ class PhotoReader:
 def _bent_lens(cameras: Cameras, index: int) -> Any:
     """One camera, None where it is a pinhole."""
     lens = cameras[index].reshape(())
-    is_fisheye = int(lens.camera_type) == CameraType.FISHEYE.value
-    bends = lens.distortion_params is not None and bool(torch.any(lens.distortion_params != 0))
-    return lens if bends or is_fisheye else None
+    return lens if is_distorted(lens) else None
 
 
 def _undistorted(lens: Any, photo: Photo, image: np.ndarray) -> Any:

@@ -16,7 +16,7 @@ import torch
 from torch import Tensor
 
 from desplat_ns.core.cores import cores, memory
-from desplat_ns.data.dataset import CaptureDataset, ImageType, Photo
+from desplat_ns.data.dataset import CaptureDataset, Photo
 
 SHARE = 0.4
 """Of the memory that nobody uses: what decoded photos may take by themselves."""
@@ -25,9 +25,9 @@ AHEAD = 16
 """Photos that are read before their turn, at most."""
 
 
-def photo_bytes(dataset: CaptureDataset, image_type: ImageType) -> list[int]:
+def photo_bytes(dataset: CaptureDataset) -> list[int]:
     """Bytes of each decoded photo. The first is read, and its bytes for a pixel taken for all."""
-    sample = dataset.get_data(0, image_type)
+    sample = dataset.get_data(0, "uint8")
     values = sum(value.nbytes for value in sample.values() if isinstance(value, Tensor))
     each = values / math.prod(sample["image"].shape[:2])
     return [math.ceil(width * height * each) for width, height in dataset.sizes]

@@ -21,6 +21,12 @@ from desplat_ns.backend.spherical_harmonics import C0
 from desplat_ns.cameras.in_view import in_view
 from desplat_ns.photo_tourism.config import AppearanceConfig
 
+EMBEDDING_DIM = 32
+"""Numbers that describe an image, e_j (B.3). The background reads them, too."""
+
+HIDDEN_LAYERS, HIDDEN_WIDTH = 2, 128
+"""Of the MLP, and units in each (B.3)."""
+
 ROWS_AT_ONCE = {"cpu": 2048, "cuda": 65536}
 """Gaussians that pass through the network together: layers of 128 units that stay in a core's cache
 (1,536 to 3,072 take the same time), or a small part of a GPU's memory."""
@@ -64,9 +70,7 @@ def toned_color(
 
 
 def toned_coefficients(
-    coefficients: Float[Tensor, "N K 3"],
-    gamma: Float[Tensor, "N 3"],
-    beta: Float[Tensor, "N 3"],
+    coefficients: Float[Tensor, "N K 3"], gamma: Float[Tensor, "N 3"], beta: Float[Tensor, "N 3"]
 ) -> Float[Tensor, "N K 3"]:
     """SH coefficients whose colour, SH + 1/2, is the toned colour of the given ones everywhere.
 
@@ -109,9 +113,8 @@ class _Appearance(nn.Module):
     def __init__(self, config: AppearanceConfig, per_gaussian: int, outputs: int):
         super().__init__()
         self.scale = config.mlp_scale
-        inputs = config.embedding_dim + per_gaussian
-        self.body = hidden_layers(inputs, config.hidden_layers, config.hidden_width)
-        self.head = zero_head(config.hidden_width, outputs)
+        self.body = hidden_layers(EMBEDDING_DIM + per_gaussian, HIDDEN_LAYERS, HIDDEN_WIDTH)
+        self.head = zero_head(HIDDEN_WIDTH, outputs)
 
     def _predict(
         self,

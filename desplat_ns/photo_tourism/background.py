@@ -10,8 +10,13 @@ from torch import Tensor, nn
 
 from desplat_ns.backend.protocol import View
 from desplat_ns.backend.spherical_harmonics import sh_basis
-from desplat_ns.photo_tourism.appearance import hidden_layers, zero_head
-from desplat_ns.photo_tourism.config import BackgroundConfig
+from desplat_ns.photo_tourism.appearance import EMBEDDING_DIM, hidden_layers, zero_head
+
+BACKGROUND_DEGREE = 4
+"""Of its spherical harmonics (B.3)."""
+
+HIDDEN_LAYERS, HIDDEN_WIDTH = 3, 128
+"""Of the MLP, and units in each (B.3)."""
 
 BACKGROUND_DEGREE_INTERVAL = 500
 """Nominal steps after which one degree more of its harmonics is learned; as in the authors' code.
@@ -82,14 +87,13 @@ class Background(nn.Module):
     Source: Eq. 8; sizes of B.3.
     """
 
-    def __init__(self, config: BackgroundConfig, embedding_dim: int):
+    def __init__(self):
         """Build the MLP; until it is trained, the background is grey."""
         super().__init__()
-        self.degree = config.sh_degree
-        width = config.hidden_width
-        self.encoder = hidden_layers(embedding_dim, config.hidden_layers, width)
-        self.sh_dc = zero_head(width, 3)
-        self.sh_rest = zero_head(width, 3 * ((config.sh_degree + 1) ** 2 - 1))
+        self.degree = BACKGROUND_DEGREE
+        self.encoder = hidden_layers(EMBEDDING_DIM, HIDDEN_LAYERS, HIDDEN_WIDTH)
+        self.sh_dc = zero_head(HIDDEN_WIDTH, 3)
+        self.sh_rest = zero_head(HIDDEN_WIDTH, 3 * ((self.degree + 1) ** 2 - 1))
 
     def forward(self, embedding: Float[Tensor, " E"]) -> Float[Tensor, "K 3"]:
         """b = f_BG(e_j), of degree 0 and of the other degrees by a head each."""

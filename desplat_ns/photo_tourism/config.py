@@ -1,7 +1,4 @@
-"""Settings of the per-image effects; sizes and weights are those of B.3.
-
-Sizes may be from the least that works to more than anyone has used.
-"""
+"""Settings of the per-image effects; weights are those of B.3."""
 
 from __future__ import annotations
 
@@ -14,15 +11,9 @@ from desplat_ns.core.options import ranged
 class AppearanceConfig:
     """Per-image appearance. `effects.appearance` chooses the model, or none."""
 
-    embedding_dim: int = ranged(32, "[1, 4096]")
-    """Numbers that describe an image, e_j. B.3. The background reads them, too."""
     fourier_frequencies: int = ranged(4, "[1, 24]")
     """Frequencies of the Fourier features at which each Gaussian's own features z_i start; B.3:
     4, which makes 24 of them, sine and cosine along three axes."""
-    hidden_layers: int = ranged(2, "[1, 64]")
-    """Of the MLP. B.3."""
-    hidden_width: int = ranged(128, "[1, 16384]")
-    """Units in each hidden layer. B.3."""
     mlp_scale: float = ranged(0.01, "(0, inf)")
     """Factor of the MLP's output. The authors' code has 0.01, made for 200,000 steps; short runs
     need 1."""
@@ -30,15 +21,8 @@ class AppearanceConfig:
 
 @dataclass
 class BackgroundConfig:
-    """What lies behind everything, if `effects.background` has it. The network's sizes are of its
-    grade `image`."""
+    """What lies behind everything, if `effects.background` has it."""
 
-    sh_degree: int = ranged(4, "[0, 10]")
-    """Of its spherical harmonics. B.3."""
-    hidden_layers: int = ranged(3, "[1, 64]")
-    """Of the MLP. B.3."""
-    hidden_width: int = ranged(128, "[1, 16384]")
-    """Units in each hidden layer. B.3."""
     lambda_bg: float = ranged(0.15, "[0, inf)")
     """Weight of L_bg, Eq. 12. B.3."""
     max_error: float = ranged(0.003, "[0, inf)")

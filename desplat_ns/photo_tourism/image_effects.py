@@ -12,8 +12,18 @@ from desplat_ns.backend.protocol import Splats, View
 from desplat_ns.backend.spherical_harmonics import C0
 from desplat_ns.core.effects import Effects
 from desplat_ns.core.options import check_ranges
-from desplat_ns.photo_tourism.appearance import AffineAppearance, ShAppearance, as_harmonics
-from desplat_ns.photo_tourism.background import Background, SharedBackground, background_image
+from desplat_ns.photo_tourism.appearance import (
+    EMBEDDING_DIM,
+    AffineAppearance,
+    ShAppearance,
+    as_harmonics,
+)
+from desplat_ns.photo_tourism.background import (
+    BACKGROUND_DEGREE,
+    Background,
+    SharedBackground,
+    background_image,
+)
 from desplat_ns.photo_tourism.camera_response import (
     CENTRED,
     NUMBERS,
@@ -56,22 +66,22 @@ class ImageEffects(nn.Module):
         self.responses: nn.Parameter | None = None
         """Of the cameras [V, 5]."""
         self.embeddings: nn.Parameter | None = None
-        """The e_j [V, embedding_dim]."""
+        """The e_j [V, `EMBEDDING_DIM`]."""
         self.appearance: AffineAppearance | ShAppearance | None = None
         self.background: Background | SharedBackground | None = None
         if effects.appearance == "camera":
             self.responses = nn.Parameter(torch.zeros(num_images, NUMBERS))
         if effects.image_embeddings:
-            start = INITIAL_STD * torch.randn(num_images, appearance.embedding_dim)
+            start = INITIAL_STD * torch.randn(num_images, EMBEDDING_DIM)
             self.embeddings = nn.Parameter(start)
         if effects.appearance == "affine":
             self.appearance = AffineAppearance(appearance)
         elif effects.appearance == "sh":
             self.appearance = ShAppearance(appearance, sh_degree)
         if effects.background == "image":
-            self.background = Background(background, appearance.embedding_dim)
+            self.background = Background()
         elif effects.background != "off":
-            degree = background.sh_degree if effects.background == "sh" else 0
+            degree = BACKGROUND_DEGREE if effects.background == "sh" else 0
             self.background = SharedBackground(degree)
 
     def of(self, image: int) -> Float[Tensor, " E"]:

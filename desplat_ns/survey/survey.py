@@ -1,30 +1,21 @@
-"""The survey of a capture, from the files to the findings, and to the effects of a run; a sheet of
-the evidence shows photos, the same without their light, what that leaves, and the sky."""
+"""The survey of a capture, from the files to the findings, and to the effects of a run."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
-from jaxtyping import Bool, Float, UInt8
+from jaxtyping import Bool, Float
 from nerfstudio.data.dataparsers.base_dataparser import DataparserOutputs
-from PIL import Image, ImageDraw, ImageOps
 
 from desplat_ns.core.console import announce, list_names
 from desplat_ns.core.effects import Effects, EffectsConfig
 from desplat_ns.core.errors import CaptureError
-from desplat_ns.survey.appearance import (
-    LOCAL_STEP,
-    appearance_finding,
-    confirmed,
-    local_steps,
-    matched_points,
-)
+from desplat_ns.survey.appearance import appearance_finding, confirmed, local_steps, matched_points
 from desplat_ns.survey.background import Sky, background_finding, skies_of
 from desplat_ns.survey.findings import Survey
 from desplat_ns.survey.observations import Observations, observe
-from desplat_ns.survey.photo_light import PhotoLight, fit_light, from_middle
+from desplat_ns.survey.photo_light import PhotoLight, fit_light
 
 LEAST_IN_VIEW, LEAST_COMPARED = 8, 50
 """Points that most photos have to show, and that a photo's brightness is compared at."""
@@ -43,15 +34,6 @@ UNLIKE = (
     "Check that the photos are those of the reconstruction, neither turned nor exchanged, and the "
     "focal lengths."
 )
-MOST_COLUMNS, SIDE, HEAD = 8, 200, 18
-"""Photos on the sheet; pixels of the square in which each is shown, and of the row's title."""
-ROWS = (
-    "photos",
-    "without each photo's own light",
-    f"what that leaves: green less than {LOCAL_STEP:.0%}, orange lighter, blue darker",
-    "blue: nothing behind",
-)
-SAME, LIGHTER, DARKER, SKY = (60, 190, 90), (250, 160, 40), (40, 60, 230), (40, 110, 255)
 
 
 @dataclass(frozen=True)
@@ -182,36 +164,3 @@ def decided_effects(
         if given not in (None, value):
             announce(f"{name}: {given}, as given; the survey would have said {value}.")
     return decided, findings
-
-
-def evidence_picture(evidence: Evidence) -> Image.Image:
-    """Rows as in `ROWS`; columns are photos evenly spread."""
-    count = len(evidence.observations.views)
-    chosen = np.unique(np.linspace(0, count - 1, min(count, MOST_COLUMNS)).round().astype(int))
-    sheet = Image.new("RGB", (len(chosen) * SIDE, len(ROWS) * (HEAD + SIDE)), "white")
-    for number, title in enumerate(ROWS):
-        ImageDraw.Draw(sheet).text((4, number * (HEAD + SIDE) + 3), title, "black")
-    for column, row in enumerate(chosen.tolist()):
-        for number, picture in enumerate(_pictures(evidence, row)):
-            small = Image.fromarray(picture)
-            small = ImageOps.pad(small, (SIDE - 6, SIDE - 6), color="white", centering=(0.5, 0))
-            sheet.paste(small, (column * SIDE + 3, number * (HEAD + SIDE) + HEAD))
-    return sheet
-
-
-def _pictures(evidence: Evidence, row: int) -> list[UInt8[np.ndarray, "H W 3"]]:
-    """One photo in all `ROWS`."""
-    observations, sky, steps = evidence.observations, evidence.skies.get(row), evidence.steps[row]
-    photo, size = observations.photos[row], observations.views[row].size
-    places = np.stack(np.meshgrid(np.arange(size[0]) + 0.5, np.arange(size[1]) + 0.5), axis=-1)
-    neutral = evidence.light.neutral(row, photo / 255.0, from_middle(size, places))
-    pale, radius = (photo // 2 + 110).astype(np.uint8), max(1, round(max(size) / 160))
-    for at in np.flatnonzero(np.isfinite(steps)):
-        color = SAME if abs(steps[at]) <= LOCAL_STEP else LIGHTER if steps[at] > 0 else DARKER
-        x, y = observations.places[row, at].astype(int).tolist()
-        cv2.circle(pale, (x, y), radius, color, -1, cv2.LINE_AA)
-    blue = photo
-    if sky is not None:
-        cells = cv2.resize(sky.cells.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST) > 0
-        blue = np.where(cells[..., None], 0.4 * photo + 0.6 * np.array(SKY), photo)
-    return [photo, np.rint(neutral.clip(0, 1) * 255).astype(np.uint8), pale, blue.astype(np.uint8)]

@@ -6,7 +6,7 @@ from __future__ import annotations
 from math import exp, sqrt
 from typing import Any
 
-from desplat_ns.core.schedule import RunStep, Schedule
+from desplat_ns.core.schedule import RunStep
 
 TIMED_FROM = 100
 """Steps of a run from which on trial steps are worth their time."""
@@ -50,13 +50,17 @@ class Clock:
         ahead = sum(every * self._seconds_of(each) for each in range(step, total, every))
         return ahead * self.taken / self.expected
 
+    def steps_in(self, seconds: float, step: int, total: int) -> int:
+        """How many steps a run has in all that ends in so many seconds, by what the steps from one
+        on cost if `total` are done."""
+        ahead = total - step
+        return step + (max(0, int(ahead * seconds / self.left(step, total))) if ahead > 0 else 0)
+
     def _seconds_of(self, step: int) -> float:
         """A step's, by the prices, with as many Gaussians as are expected then."""
         model, (start, begun), (now, done) = self.pipeline.model, self.start, self._grown()
         config, schedule = model.config, model.schedule
         warmup = config.distractors.warmup
-        if schedule.plan is not None:  # its clock knows of no step but the one at hand
-            schedule = Schedule(schedule.scale)
         at = schedule.nominal(RunStep(step))
         drawn = self.pipeline.datamanager.get_train_rays_per_batch()
         ahead, added = (

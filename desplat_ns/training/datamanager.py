@@ -7,7 +7,7 @@ import random
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 import torch
@@ -50,8 +50,8 @@ class DeSplatDataManagerConfig(FullImageDatamanagerConfig):
 
     _target: type = field(default_factory=lambda: DeSplatDataManager)
     dataparser: AnyDataParser = field(default_factory=DeSplatDataParserConfig)
-    cache_images_type: Literal["uint8", "float32"] = "uint8"
-    """How photos are kept in memory; uint8 takes a quarter of float32 and loses nothing."""
+    cache_images_type: Annotated[Literal["uint8"], tyro.conf.Suppress] = "uint8"
+    """Photos have 8 bits; nerfstudio's float32 would take four times the memory."""
     photo_memory: float | None = ranged(None, "(0, inf)")
     """GB of memory for decoded photos. Where they take more, they are read again and again, before
     their turn and in the background, which changes nothing else. By default 40% of the
@@ -243,11 +243,11 @@ class DeSplatDataManager(FullImageDatamanager[CaptureDataset]):
             cache_images_device = "gpu"
         if split == "eval":
             return super()._load_images(split, cache_images_device)
-        kind, memory = self.config.cache_images_type, self.config.photo_memory
+        memory = self.config.photo_memory
         place = torch.device(self.device if cache_images_device == "gpu" else "cpu")
         room = SHARE * free_memory(place) if memory is None else 1e9 * memory
-        needed = photo_bytes(self.train_dataset, kind)
-        room -= sum(photo_bytes(self.eval_dataset, kind))
+        needed = photo_bytes(self.train_dataset)
+        room -= sum(photo_bytes(self.eval_dataset))
         is_training = self.test_mode == "val"  # else few training photos are looked at
         if is_training and sum(needed) <= room:
             return super()._load_images(split, cache_images_device)
@@ -257,7 +257,7 @@ class DeSplatDataManager(FullImageDatamanager[CaptureDataset]):
                 f"Training photos take {sum(needed) / 1e9:.3g} GB decoded. {max(1, most)} of "
                 f"{len(needed)} are held at a time; the others are read before their turn."
             )
-        reader = PhotoReader(self.train_dataset, kind)
+        reader = PhotoReader(self.train_dataset)
         self.train_cameras = self.train_dataset.cameras.to(self.device)
         return BoundedPhotos(
             reader, len(needed), most, lambda: self.train_unseen_cameras if is_training else ()

@@ -17,11 +17,7 @@ from desplat_ns.core.console import announce
 from desplat_ns.core.effects import Effects
 from desplat_ns.core.errors import ConfigError, begin_run
 from desplat_ns.core.options import check_ranges, ranged
-from desplat_ns.core.schedule import (
-    GPU_VISITS,
-    seconds_of,
-    steps_for_visits,
-)
+from desplat_ns.core.schedule import GPU_VISITS, seconds_of, steps_for_visits
 from desplat_ns.model_config import DeSplatModelConfig
 from desplat_ns.plugin import check_what_is_read, write_enumerations_by_value
 from desplat_ns.survey.findings import Survey
@@ -58,7 +54,8 @@ class RunConfig(TrainerConfig):
     budget: str = ""
     """Wall time for the run, for example 10min: start-up, training and saving. Trial steps are
     timed, and decide how many there will be, at most `max_num_iterations`, and how large photos
-    are; then schedules follow the clock. Compiling kernels, once for each machine, does not count.
+    are; then their number follows the clock. Compiling kernels, once for each machine, is not
+    counted.
     """
 
     def __new__(cls, *args: Any, **options: Any) -> RunConfig:

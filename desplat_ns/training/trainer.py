@@ -6,10 +6,11 @@ nerfstudio's loop does the training; here is only what it leaves open.
 from __future__ import annotations
 
 import copy
+import math
 import sys
 import time
 from contextlib import ExitStack, suppress
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from functools import cache, partial
 from pathlib import Path
 from shlex import quote
@@ -37,25 +38,12 @@ from desplat_ns.core.checkpoint import (
     step_of,
 )
 from desplat_ns.core.console import TOLD_EVERY, about, announce
-from desplat_ns.core.errors import CaptureError, CheckpointError
+from desplat_ns.core.errors import CaptureError, CheckpointError, ConfigError
 from desplat_ns.core.optimizers import follow, load_moments, optimizer_options, set_position
 from desplat_ns.core.run_files import SURVEY
-from desplat_ns.core.schedule import (
-    END_SECONDS,
-    BudgetPlan,
-    RunStep,
-    Schedule,
-    early_rate_factor,
-    plan_budget,
-    rate_factor,
-    saved_plan,
-    seconds_of,
-)
+from desplat_ns.core.schedule import RunStep, Schedule, early_rate_factor, rate_factor, seconds_of
 from desplat_ns.core.whole import plain_errors
-from desplat_ns.plugin import (
-    announce_above_the_table,
-    train_on_where_logs_cannot_be_written,
-)
+from desplat_ns.plugin import announce_above_the_table, train_on_where_logs_cannot_be_written
 from desplat_ns.training import resume
 from desplat_ns.training.clock import TIMED_FROM, Clock
 from desplat_ns.training.datamanager import DeSplatDataManagerConfig, training_split
@@ -66,6 +54,13 @@ from desplat_ns.training.stop_signals import on_stop_signal
 
 MOST_UNSAVED = 300.0
 """Seconds of training that a kill may cost: `steps_per_save` may be an hour of large photos."""
+
+STEPS_WANTED, FEWEST_STEPS = 500, 200
+"""Steps that a budget has to hold for photos of full size, else their sides are halved; and to be
+no error. Fewer where fewer are asked for."""
+
+END_SECONDS = 3.0
+"""Of a budget, reserved for the last checkpoint and the end of the process."""
 
 
 @dataclass
@@ -97,9 +92,10 @@ class DeSplatTrainer(Trainer):
         self._saved_rng: dict[str, Any] | None = None
         self._stop_is_asked = False
         self._started = process_started()
-        self._plan: BudgetPlan | None = None
+        self._plan: dict[str, int] = {}  # steps and size of photos of a run with a budget
         self._budget_is_up = False
-        self._prices: tuple[float, float] | None = None
+        self._most = self._total = 0  # steps in all that are allowed, and aimed at
+        self._prices: tuple[float, ...] = ()
         self._clock: Clock | None = None
         self._last_end = self._last_told = 0.0
         self._folder_lock = ExitStack()
@@ -128,10 +124,9 @@ class DeSplatTrainer(Trainer):
             capture = cache(partial(training_split, manager))
             findings = config.decide_effects(self._saved, capture)
             config.settle_length(capture)
+            self._most = self._total = config.max_num_iterations
             if config.budget and self._saved is not None:
-                plan = saved_plan(*self._saved, seconds_of(config.budget), self._seconds())
-                self._settle(plan)
-                self._started -= plan.spent
+                self._take_up_budget(*self._saved)
             super().setup(test_mode)
             if config.steps_per_save:
                 after_step = [TrainingCallbackLocation.AFTER_TRAIN_ITERATION]
@@ -151,10 +146,11 @@ class DeSplatTrainer(Trainer):
         """Optimizers whose learning rates go by the clock of the run, as the model does."""
         config, photos = self.config, len(self.pipeline.datamanager.train_image_names)
         ahead = config.max_num_iterations - (self._saved[1]["step"] + 1 if self._saved else 0)
-        if config.budget:
-            self._begin_budget(seconds_of(config.budget))
-        elif ahead >= TIMED_FROM:
-            self._prices = self._prices_of_steps(min(10, max(2, ahead // 100)))
+        if not self._prices and (config.budget or ahead >= TIMED_FROM):
+            each = 4 if config.budget else min(10, max(2, ahead // 100))
+            self._prices = self._prices_of_steps(each)
+        if config.budget and not self._plan:
+            self._plan_budget()
         schedule = self.pipeline.model.schedule
         raised = rate_factor(photos, config.max_num_iterations, config.full_rate_visits)
         warmup, wanted = self._model_config.warmup_of(photos)
@@ -174,32 +170,74 @@ class DeSplatTrainer(Trainer):
 
     # --- time --------------------------------------------------------------------------------
 
-    def _begin_budget(self, budget: float) -> None:
-        """Let schedules go by the clock; a new run is planned by trial steps."""
-        plan = self._plan
-        if plan is None:
-            least, most = self._model_config.train_downscale, self.config.max_num_iterations
-            self._prices, model, timed = self._prices_of_steps(4), self.pipeline.model, []
-            for size in (least, 2 * least):
-                model.config = replace(model.config, train_downscale=size)
-                timed.append(Clock(self.pipeline, *self._prices).left(0, most) / most)
-            plan = plan_budget(budget, self._seconds(), timed, least, most)
-            self._settle(plan)
-            self.pipeline.start_model_anew()
-        self.pipeline.model.schedule.plan = plan
-        size = "full size" if plan.downscale == 1 else f"1/{plan.downscale} of their size"
-        announce(
-            f"Budget: {budget:.0f} s, of which {self._seconds():.0f} are spent. {plan.steps} "
-            f"steps are planned, with photos in {size}. No evaluation on the way."
-        )
+    @property
+    def _time_left(self) -> float:
+        """Seconds of the budget in which steps can be done."""
+        return seconds_of(self.config.budget) - END_SECONDS - self._seconds()
 
-    def _settle(self, plan: BudgetPlan) -> None:
+    def _plan_budget(self) -> None:
+        """Settle how many steps of a new run fit into the budget, and with photos of which size.
+        Raises ConfigError where they are too few."""
+        most, least = self._most, self._model_config.train_downscale
+        clock, steps = Clock(self.pipeline, *self._prices), 0
+        for downscale in (least, 2 * least):
+            config = self.pipeline.model.config
+            self.pipeline.model.config = replace(config, train_downscale=downscale)
+            steps = min(most, clock.steps_in(self._time_left, 0, most))
+            if steps >= min(STEPS_WANTED, most):
+                break
+        if steps < (fewest := min(FEWEST_STEPS, most)):
+            spent = self._seconds()
+            enough = spent + END_SECONDS + 1.2 * fewest * clock.left(0, most) / most
+            raise ConfigError(
+                f"--budget is {self.config.budget}, of which {spent:.0f} s are spent: {steps} "
+                f"steps fit, and a run needs {fewest}. Give {enough:.0f}s or more, or smaller "
+                "photos (the data parser's --downscale-factor)."
+            )
+        self._settle(steps, downscale)
+        self.pipeline.start_model_anew()
+
+    def _take_up_budget(self, path: Path, state: dict[str, Any]) -> None:
+        """Go on with the plan in a checkpoint, and count what was spent. Raises ConfigError where
+        that run had no budget, or nothing is left of it."""
+        if (saved := state.get("budget")) is None:
+            raise ConfigError(
+                f"The run of {path} had no --budget: give --max-num-iterations, the total of steps."
+            )
+        self._started -= saved["spent"]
+        share = state.get("nominal", 0) / max(saved["steps"], self.config.nominal_num_iterations)
+        if share >= 1 or self._time_left <= 0:
+            raise ConfigError(
+                f"There is nothing left to train: {self._seconds():.0f} s are spent of a --budget "
+                f"of {self.config.budget}, and {share:.0%} of the schedules are done. A run that "
+                "was stopped goes on with a larger --budget, the total."
+            )
+        self._prices = saved.get("prices", self._prices)
+        self._settle(saved["steps"], saved["downscale"])
+
+    def _settle(self, steps: int, downscale: int) -> None:
         """Give the run the length and the size of photos of a plan; config.yml has them then."""
-        config, self._plan = self.config, plan
-        config.max_num_iterations, self._model_config.train_downscale = plan.steps, plan.downscale
-        self._model_config.schedule_scale = min(1.0, plan.steps / config.nominal_num_iterations)
+        config, model = self.config, self._model_config
+        self._plan = {"steps": steps, "downscale": downscale}
+        config.max_num_iterations = self._total = steps
+        model.train_downscale = downscale
+        model.schedule_scale = min(1.0, steps / config.nominal_num_iterations)
         config.steps_per_eval_batch = config.steps_per_eval_image = 0
         config.steps_per_eval_all_images = 0
+        size = "full size" if downscale == 1 else f"1/{downscale} of their size"
+        announce(
+            f"Budget: {config.budget}, of which {self._seconds():.0f} s are spent. Photos are "
+            f"trained on in {size}. No evaluation on the way."
+        )
+
+    def _aim(self, clock: Clock, step: int) -> None:
+        """Let the run, and its schedules, end with as many steps as fit into the time left."""
+        schedule, at = self.pipeline.model.schedule, RunStep(step)
+        fit = clock.steps_in(self._time_left, self._steps_done, self._total)
+        self._total = min(self._most, fit)
+        if self._total > self._steps_done:
+            end = self._plan["steps"] / schedule.scale
+            schedule.aim(at, schedule.nominal(at), self._total, end)
 
     def _prices_of_steps(self, each: int) -> tuple[float, float]:
         """Prices for a `Clock`, from steps on photos of the smallest and of the largest size that
@@ -243,12 +281,11 @@ class DeSplatTrainer(Trainer):
         if clock is None or step == self._start_step:  # which reads photos
             return
         clock.after_step(step, seconds)
+        if self._plan and int(now) > int(now - seconds):  # once a second
+            self._aim(clock, step)
         if now - self._last_told >= TOLD_EVERY and step + 1 < self._total:
-            self._last_told, left = now, clock.left(step + 1, self._total)
-            of = f" of {self._total:,}"
-            if self._plan is not None:
-                left, of = min(left, seconds_of(self.config.budget) - END_SECONDS - now), ""
-            announce_above_the_table(f"Step {step + 1:,}{of}, {about(left)} left.")
+            self._last_told, left = now, about(clock.left(step + 1, self._total))
+            announce_above_the_table(f"Step {step + 1:,} of {self._total:,}, {left} left.")
 
     def _seconds(self) -> float:
         """Since the command began, without compiling; of a run that goes on all that is spent."""
@@ -261,26 +298,27 @@ class DeSplatTrainer(Trainer):
         where none is left, say so and change nothing. Raises CaptureError where a photo cannot be
         read any more; what is trained is saved before."""
         whole = self.config
-        total = whole.max_num_iterations if self._plan is None else self._plan.most
-        self._total, remaining = total, total - self._steps_done
-        if remaining <= 0:
+        most, done = self._most, self._steps_done
+        if most <= done:
             announce(
-                f"Nothing left to train: {self._steps_done} steps are done and "
-                f"--max-num-iterations, the total, is {total}. Give more to go on.",
+                f"Nothing left to train: {done} steps are done and --max-num-iterations, the "
+                f"total, is {most}. Give more to go on.",
                 warning=True,
             )
             self._folder_lock.close()
             return
         if self._saved_rng is not None:
             resume.restore_rng(self._saved_rng)
-        if self._prices is not None:
+        if self._prices:
             self._clock, self._last_told = Clock(self.pipeline, *self._prices), self._seconds()
-            left = about(self._clock.left(self._steps_done, total))
-            if self._plan is None:
-                announce(f"{left.capitalize()} on this machine for {remaining:,} steps.")
+            if self._plan:
+                self._aim(self._clock, done)
+            left = self._clock.left(done, self._total)
+            steps = f"{self._total - done:,} steps"
+            announce(f"{about(left).capitalize()} on this machine for {steps}.")
         # nerfstudio 1.1.5 trains as many steps *more*; only its loop is to see the smaller number
         self.config = copy.copy(whole)
-        self.config.max_num_iterations = remaining
+        self.config.max_num_iterations = most - done
         self._save_by = time.monotonic() + MOST_UNSAVED
         try:
             with on_stop_signal(self._stop_after_this_step):
@@ -309,10 +347,8 @@ class DeSplatTrainer(Trainer):
         self._tell_time(step, began)
         if self._stop_is_asked or self.optimizers.exhausted:
             self.stop_training = True  # nerfstudio clears it once its viewer is filled
-        if self._plan is not None:
-            budget, is_first = seconds_of(self.config.budget), step == self._start_step
-            self._budget_is_up = self._plan.after_step(step, self._seconds(), budget, is_first)
-            self.stop_training |= self._budget_is_up
+        if self._plan and (self._steps_done >= self._total or self._time_left <= 0):
+            self._budget_is_up = self.stop_training = True
         return loss.detach(), {name: term.detach() for name, term in terms.items()}, metrics
 
     def eval_iteration(self, step: int) -> None:
@@ -422,7 +458,9 @@ class DeSplatTrainer(Trainer):
             "rng": resume.rng_state(),
             "sampler": self.pipeline.datamanager.sampler_state(),
         }
-        return state if self._plan is None else state | {"budget": asdict(self._plan)}
+        if self._plan:
+            state["budget"] = {**self._plan, "spent": self._seconds(), "prices": self._prices}
+        return state
 
     def _load_checkpoint(self) -> None:
         """Go on from --load-checkpoint or --load-dir, if given. Raises CheckpointError."""
@@ -431,7 +469,12 @@ class DeSplatTrainer(Trainer):
         (path, state), self._saved = self._saved, None
         done, total = RunStep(state["step"] + 1), self.config.max_num_iterations
         schedule = self.pipeline.model.schedule
-        if schedule.go_on(done, state.get("nominal", schedule.nominal(done)), total):
+        reached = state.get("nominal", schedule.nominal(done))
+        if self._plan:
+            end = total / schedule.scale
+            self._total = done + math.ceil((end - reached) * schedule.scale)
+            schedule.aim(done, reached, self._total, end)
+        elif schedule.go_on(done, reached, total):
             announce(
                 f"The run was planned for more steps. The {total - done} steps that are left go "
                 "through the rest of its schedules."

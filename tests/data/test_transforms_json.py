@@ -182,7 +182,7 @@ def test_a_fisheye_of_any_program_is_one_also_without_terms(processed: Path, hea
     damage(processed, **head, fl_x=6, fl_y=6)
     dataset = CaptureDataset(outputs_of(processed, eval_mode="all"))
     straight = dataset.get_numpy_image(0)
-    bent = PhotoReader(dataset, "uint8")(0)["image"].numpy()
+    bent = PhotoReader(dataset)(0)["image"].numpy()
     assert dataset.cameras.camera_type.unique().tolist() == [CameraType.FISHEYE.value]
     assert bent.shape != straight.shape or (bent != straight).any()
 

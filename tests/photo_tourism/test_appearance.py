@@ -19,8 +19,8 @@ from desplat_ns.photo_tourism.appearance import (
 from desplat_ns.photo_tourism.config import AppearanceConfig
 
 NETWORKS = pytest.mark.parametrize("make", [AffineAppearance, lambda c: ShAppearance(c, 3)])
-SMALL = AppearanceConfig(embedding_dim=5, fourier_frequencies=2, hidden_width=7, mlp_scale=1.0)
-NUM, BASES, FEATURES = 6, 16, 12
+UNSCALED = AppearanceConfig(mlp_scale=1.0)
+NUM, BASES, FEATURES = 6, 16, 24
 
 
 def numbers(*shape: int, seed: int = 0) -> torch.Tensor:
@@ -50,9 +50,9 @@ def test_toned_coefficients_evaluate_to_the_toned_colour_in_every_direction():
 
 @NETWORKS
 def test_gradients_of_the_networks(make):
-    model = trained(make(SMALL))
+    model = trained(make(UNSCALED))
     inputs = [
-        numbers(5, seed=1).requires_grad_(),
+        numbers(32, seed=1).requires_grad_(),
         numbers(NUM, FEATURES, seed=2).requires_grad_(),
         numbers(NUM, BASES, 3).requires_grad_(),
     ]
@@ -63,8 +63,8 @@ def test_gradients_of_the_networks(make):
 
 def test_eq_6_reads_embedding_features_and_the_zeroth_coefficient():
     """The split first layer equals the MLP on the concatenated inputs."""
-    model = trained(AffineAppearance(SMALL))
-    embedding, features = numbers(5), numbers(NUM, FEATURES, seed=1)
+    model = trained(AffineAppearance(UNSCALED))
+    embedding, features = numbers(32), numbers(NUM, FEATURES, seed=1)
     zeroth = numbers(NUM, 3, seed=2)
     row = torch.cat([embedding.expand(NUM, -1), features, zeroth], dim=1)
     expected = model.head(model.body(row))
@@ -76,8 +76,8 @@ def test_eq_6_reads_embedding_features_and_the_zeroth_coefficient():
 def test_the_first_step_of_adam_moves_all_tones_by_its_rate_times_the_scale():
     """Adam's first step is as long as its rate; the weights before the last bias are still 0."""
     scale = 0.01
-    model = AffineAppearance(replace(SMALL, mlp_scale=scale)).double()
-    inputs = numbers(5), numbers(NUM, FEATURES, seed=1), numbers(NUM, 3, seed=2)
+    model = AffineAppearance(replace(UNSCALED, mlp_scale=scale)).double()
+    inputs = numbers(32), numbers(NUM, FEATURES, seed=1), numbers(NUM, 3, seed=2)
     optimizer = torch.optim.Adam([model.head.bias], lr=5e-4, eps=1e-15)
     beta, gamma = model.tones(*inputs)
     assert (beta == 0).all() and (gamma == 1).all()
@@ -90,9 +90,9 @@ def test_the_first_step_of_adam_moves_all_tones_by_its_rate_times_the_scale():
 
 
 def test_the_sh_model_adds_up_to_the_active_degree():
-    model = trained(ShAppearance(SMALL, 3))
+    model = trained(ShAppearance(UNSCALED, 3))
     coefficients = numbers(NUM, BASES, 3)
-    lit = model(numbers(5), numbers(NUM, FEATURES, seed=1), coefficients, 1)
+    lit = model(numbers(32), numbers(NUM, FEATURES, seed=1), coefficients, 1)
     assert torch.equal(lit[:, 4:], coefficients[:, 4:])
     assert (lit[:, :4] != coefficients[:, :4]).all()
 
@@ -123,12 +123,12 @@ def test_blocks_of_rows_give_what_all_together_do_and_what_is_left_out_gets_no_g
 ):
     """beta and gamma - 1, and the gradients of their sum by inputs and parameters: sums of some 100
     products of numbers near 1, in another order."""
-    model, count = trained(AffineAppearance(SMALL)), 50
+    model, count = trained(AffineAppearance(UNSCALED)), 50
     rows, others = torch.tensor([3, 4, 8, 40]), torch.ones(count, dtype=torch.bool)
     others[rows] = False
 
     def outputs_and_gradients(rows: torch.Tensor | None) -> list[torch.Tensor]:
-        shapes = ((5,), (count, FEATURES), (count, 3))
+        shapes = ((32,), (count, FEATURES), (count, 3))
         own = [numbers(*shape, seed=i).requires_grad_() for i, shape in enumerate(shapes)]
         beta, gamma = model.tones(*own, rows)
         out = torch.cat([beta, gamma - 1], dim=1)

@@ -15,7 +15,6 @@ from desplat_ns.photo_tourism.background import (
     background_image,
     rays,
 )
-from desplat_ns.photo_tourism.config import BackgroundConfig
 
 
 def view(width: int = 5, height: int = 4) -> View:
@@ -69,7 +68,7 @@ def test_a_small_picture_is_exact_and_between_the_nodes_a_large_one_errs_by_litt
 
 
 def test_the_mlp_has_the_sizes_of_b3_and_starts_grey():
-    model = Background(BackgroundConfig(), 32)
+    model = Background()
     shapes = [tuple(p.shape) for n, p in model.named_parameters() if n.endswith("weight")]
     assert shapes == [(128, 32), (128, 128), (128, 128), (3, 128), (72, 128)]
     assert torch.equal(model(torch.randn(32)), torch.zeros(25, 3))

@@ -14,10 +14,10 @@ from desplat_ns.core.effects import Effects
 from desplat_ns.photo_tourism.config import AppearanceConfig, BackgroundConfig
 from desplat_ns.photo_tourism.image_effects import ImageEffects
 
-NUM, FEATURES = 200, 12
+NUM, FEATURES = 200, 24
 SETTINGS = RenderSettings()
 VIEW = View(torch.eye(4), torch.tensor([[30.0, 0, 16], [0, 30, 12], [0, 0, 1]]), 32, 24)
-CONFIG = AppearanceConfig(embedding_dim=5, fourier_frequencies=2, hidden_width=7)
+CONFIG = AppearanceConfig()
 
 
 def effects_of(appearance: Any) -> ImageEffects:

@@ -15,8 +15,8 @@ NAMES = ["a.jpg", "b:1.jpg", "c.jpg"]
 @pytest.fixture
 def lights() -> ImageEffects:
     torch.manual_seed(0)
-    config = AppearanceConfig(embedding_dim=4)
-    return ImageEffects(Effects(appearance="affine"), config, BackgroundConfig(), 3, 3)
+    configs = AppearanceConfig(), BackgroundConfig()
+    return ImageEffects(Effects(appearance="affine"), *configs, 3, 3)
 
 
 def test_an_image_of_its_own_else_the_average(lights):
@@ -45,8 +45,8 @@ def test_an_evaluation_sees_neither(lights, monkeypatch):
     shown = ShownLight(NAMES)
     with shown.suspended():
         torch.testing.assert_close(shown.embedding(lights), lights.mean())
-        with shown.fixed(torch.ones(4)):
-            assert torch.equal(shown.embedding(lights), torch.ones(4))
+        with shown.fixed(torch.ones(32)):
+            assert torch.equal(shown.embedding(lights), torch.ones(32))
     torch.testing.assert_close(shown.embedding(lights), lights.of(0))
 
 

@@ -45,7 +45,8 @@ class Arguments:
         from desplat_ns.core.whole import plain_errors, write_whole
         from desplat_ns.data.layouts import DeSplatDataParserConfig
         from desplat_ns.data.parsers import without_prompts
-        from desplat_ns.survey.survey import evidence_picture, survey
+        from desplat_ns.survey.survey import survey
+        from desplat_ns.tools.commands.survey_sheet import evidence_picture
         from desplat_ns.training.datamanager import AnyDataParser  # seconds: checks first
 
         chosen: Any = DeSplatDataParserConfig()

@@ -14,7 +14,6 @@ from jaxtyping import Bool
 from torch import Tensor
 
 from desplat_ns.backend.protocol import Rendering, View
-from desplat_ns.cameras.allowed_views import allowed_views, seen_by_any
 from desplat_ns.cameras.views import view_of
 from desplat_ns.core.console import announce, progress_over
 from desplat_ns.core.errors import ConfigError

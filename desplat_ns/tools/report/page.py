@@ -11,7 +11,6 @@ from typing import Any
 
 from desplat_ns.core.console import announce, list_names
 from desplat_ns.core.errors import CaptureError, ConfigError
-from desplat_ns.core.pages import fitted_into, template
 from desplat_ns.core.run_files import SURVEY, RunFiles
 from desplat_ns.core.whole import plain_errors, write_whole
 from desplat_ns.evaluation.config import in_words

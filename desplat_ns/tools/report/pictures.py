@@ -17,8 +17,8 @@ from torch import Tensor
 
 from desplat_ns.cameras.views import view_of
 from desplat_ns.core.console import progress_over
-from desplat_ns.core.pages import LARGEST_SIDE, Picture, over_checkerboard, shrunk, to_rgb8
 from desplat_ns.distractors.distractors import apply_mask
+from desplat_ns.tools.pages import LARGEST_SIDE, Picture, over_checkerboard, shrunk, to_rgb8
 from desplat_ns.tools.report.views import Unlike, unlike_in
 from desplat_ns.tools.scene.gather import Rgb, training_images
 from desplat_ns.training.pipeline import DeSplatPipeline

@@ -15,7 +15,6 @@ from jaxtyping import Bool, Float
 
 from desplat_ns.core.console import announce
 from desplat_ns.core.errors import ConfigError
-from desplat_ns.core.pages import Picture, fitted_into, template
 from desplat_ns.core.run_files import RunFiles
 from desplat_ns.core.whole import plain_errors, write_whole
 from desplat_ns.tools.export.splat_cloud import SplatCloud, moved, turned_harmonics

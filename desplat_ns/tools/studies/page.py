@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from scipy.stats import ttest_1samp
 
-from desplat_ns.core.pages import chart, inline_svg, plain_logarithmic, svg_of, template
 from desplat_ns.core.whole import plain_errors, write_whole
+from desplat_ns.tools.pages import chart, inline_svg, plain_logarithmic, svg_of, template
 from desplat_ns.tools.studies.records import Key, Record, conditions_of
 from desplat_ns.tools.studies.runs import Run
 from desplat_ns.tools.studies.tradeoff import BASE, SEEDS, Study, compared

@@ -4,7 +4,7 @@ import re
 from dataclasses import replace
 from html.parser import HTMLParser
 
-from desplat_ns.core.pages import Picture
+from desplat_ns.tools.pages import Picture
 from desplat_ns.tools.report import page
 from desplat_ns.tools.report.page import report_html
 from tests.helpers.report import contents, held_out_photo, noise, plain_photo, training_photo

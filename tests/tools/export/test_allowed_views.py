@@ -9,8 +9,8 @@ import torch
 from nerfstudio.cameras.cameras import Cameras
 
 from desplat_ns.backend.protocol import Splats
-from desplat_ns.cameras.allowed_views import allowed_views, neighbours, seen_by_any
 from desplat_ns.cameras.views import view_of
+from desplat_ns.tools.export.allowed_views import allowed_views, neighbours, seen_by_any
 
 SIZE = 200
 
