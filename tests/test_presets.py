@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +12,6 @@ from nerfstudio.configs.method_configs import all_methods
 
 from desplat_ns.core.optimizers import set_position
 from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
-from desplat_ns.training.datamanager import training_split
 from lab.synthetic import Scene
 from tests.helpers.registered import set_up
 
@@ -49,12 +47,3 @@ def test_a_preset_is_as_long_as_the_photos_ask_for(name, tiny_scene, tmp_path):
         set_position(scheduler, 300)  # few photos have higher rates before
     rate = trainer.optimizers.optimizers["scales"].param_groups[0]["lr"]
     assert rate == pytest.approx(full_rate * full_rate_visits / visits)  # as with 40 photos
-
-
-def test_on_a_gpu_photos_are_shown_twice_as_often(tiny_scene, tmp_path):
-    """The length is settled before anything is put on the device."""
-    config = preset("desplat", tiny_scene, tmp_path)
-    config.machine.device_type = "cuda"
-    steps = round(2 * config.visits * 40)
-    config.settle_length(partial(training_split, config.pipeline.datamanager))
-    assert config.max_num_iterations == steps

@@ -255,8 +255,9 @@ def test_the_same_input_gives_the_same_bits(backend):
     assert all(torch.equal(a, b) for a, b in zip(*runs, strict=True))
 
 
-def test_the_camera_receives_gradients(backend):
-    scene = random_scene(37, count=15, size=(16, 12))
+@pytest.mark.parametrize("sh_degree", [None, 3])
+def test_the_camera_receives_gradients(backend, sh_degree):
+    scene = random_scene(37, count=15, size=(16, 12), sh_degree=sh_degree)
     truth, leaves = scene.to(torch.float64), scene.to(backend.dtype, backend.device)
     want = render_reference(truth, RenderSettings())
     allowed = tolerance(backend.dtype, scene.size, want.sharpness)

@@ -49,12 +49,6 @@ def looks(
     return looked_at
 
 
-def test_photos_are_looked_at_after_the_warm_up_and_then_in_every_third_round(monkeypatch):
-    """Three views, a warm-up of two steps."""
-    model = a_model()
-    assert looks(monkeypatch, model, range(21)) == [2, 3, 4, 9, 10, 11, 18, 19, 20]
-
-
 @pytest.mark.parametrize("steps", [300, 3_000, 30_000])
 def test_after_the_warm_up_a_photo_is_looked_at_at_once_and_then_in_every_third_visit(steps):
     """40 photos in the order of nerfstudio; the run goes on from a checkpoint in the middle."""

@@ -103,13 +103,3 @@ def test_a_checkpoint_brings_moments_back_also_through_a_second_one():
         stepped(either, 0)
         stepped(either, 1)
     assert_same(dict(source.state_dict()), dict(target.state_dict()))
-
-
-def test_a_warm_up_says_how_long_it_would_be_if_visits_did_not_end_it():
-    config = DistractorConfig(static_warmup=None)
-    assert config.warmup_of(40, 500)[0] == 600
-    assert config.warmup_of(8, 500, 0.1) == (1200, 3000)  # of 120 steps and 50 + 250
-    assert config.warmup_of(20, 500, 0.1) == (3000, 3000)
-    assert config.warmup_of(8, 500, 0.02) == (6000, 6000)  # a run of 600 steps
-    assert DistractorConfig().warmup_of(8, 500, 0.1) == (0, 0)
-    assert DistractorConfig(static_warmup=9000).warmup_of(8, 500, 0.1) == (9000, 9000)  # as given

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import gc
-import subprocess
-import sys
 import threading
 from collections.abc import Sequence
 
@@ -333,30 +331,3 @@ def test_an_error_of_the_thread_is_one_of_the_step_that_asks(as_on_a_gpu, monkey
         worker.join(20)
     with pytest.raises(ValueError, match="broken"):
         asked.unexplained(1, as_on_a_gpu)
-
-
-@pytest.mark.slow
-def test_a_process_that_ends_does_not_wait_for_all_photos():
-    script = """
-import time, torch
-from desplat_ns.separation import sweep
-from tests.separation.test_sweep import ROW, cameras, photos_of, swept
-sweep.PlaneSweep._sweep = lambda *_: time.sleep(2.0)
-asked = swept(cameras(*ROW * 8), photos_of(cameras(*ROW * 8)))
-asked._work_ahead(torch.device("meta"))
-raise KeyboardInterrupt
-"""
-    ended = subprocess.run(
-        [sys.executable, "-c", script], capture_output=True, text=True, timeout=60, check=False
-    )
-    assert ended.returncode in (-2, 130) and "KeyboardInterrupt" in ended.stderr
-
-
-def test_a_long_sweep_says_so_once(monkeypatch):
-    lines, views = [], cameras(*ROW)
-    monkeypatch.setattr(sweep, "announce", lines.append)
-    monkeypatch.setattr(sweep, "QUIET", 0.0)
-    asked = swept(views, photos_of(views))
-    for index in range(3):
-        asked.unexplained(index)
-    assert len(lines) == 1 and "5 photos" in lines[0]
