@@ -7,7 +7,7 @@
 #   make fuzz    the properties again and again, with new examples each time (10 minutes; FUZZ_MINUTES=60)
 #   make test-avx2  the quick tests of what computes, as on a processor that has AVX2 and no more
 #   make test-pythons  the tests on Python 3.10, 3.11 and 3.12, each in an environment of its own
-#   make bench   backends, training steps and dials timed, one table in outputs/bench.md (15 minutes)
+#   make bench   backends and training steps timed, one table in outputs/bench.md (15 minutes)
 #   make stability  hard cases, kills, broken lines, a long run: outputs/stability.md (2 hours)
 #   make gpu     on a machine with a GPU: parity, step time, waits, training, tests; docs/results/gpu.md (10 minutes, and compiling)
 #   make docs    the site of docs/ in outputs/site; a broken link is an error (make env docs: with all options)

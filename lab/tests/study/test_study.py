@@ -12,8 +12,7 @@ from desplat_ns.tools.studies.records import Record, load
 from desplat_ns.tools.studies.runs import Run
 from lab.study import __main__ as study
 from lab.study.captures import CAPTURES, made
-from lab.study.survey import Surveyed, page
-from lab.study.variants import GROUPS, VARIANTS, run_of
+from lab.study.variants import GROUPS, run_of
 
 PSNR = {"off": 20.0, "twins": 30.0, "desplat": 26.0, "truth": 27.0}
 
@@ -75,12 +74,6 @@ def test_every_run_is_there_once_and_its_method_takes_its_options(group: str):
             parse(run.method, ["--data", "photos", *run.given])
 
 
-def test_clean_twins_of_a_hard_case_are_those_of_the_photos_below_it():
-    assert run_of("twins", "white", 9, 42).key == run_of("twins", "fox_cluttered", 9, 42).key
-    assert run_of("off", "white", 9, 42).key != run_of("off", "fox_cluttered", 9, 42).key
-    assert {variant for runs in GROUPS.values() for variant, *_ in runs} == set(VARIANTS)
-
-
 def test_what_is_made_is_whole(tmp_path: Path):
     def fails(path: Path) -> None:
         path.mkdir()
@@ -91,16 +84,3 @@ def test_what_is_made_is_whole(tmp_path: Path):
     assert not (tmp_path / "scene").exists()
     assert made(tmp_path / "scene", Path.mkdir).is_dir()
     assert made(tmp_path / "scene", fails).is_dir(), "it is there"
-
-
-def test_right_and_wrong_decisions_of_the_survey_are_counted():
-    right = {"appearance": ("camera",), "background": ("off",)}
-    said = {"appearance": "affine", "background": "off"}
-    results = [
-        Surveyed("strong", "strong-700", right, said, 1.0),
-        Surveyed("known", "fox", {"appearance": ("off", "affine")}, said, 2.0),
-    ]
-    text = page(results)
-    assert results[0].wrong == ["appearance"] and results[1].wrong == []
-    assert "strong: 1 of 2 decisions right" in text and "known: 1 of 1 decisions right" in text
-    assert "| camera | 0 | 0 | 1 |" in text and "| fox | affine | off | 2.0 |  |" in text
