@@ -25,8 +25,8 @@ class Contender:
 
 
 def contenders() -> tuple[list[Contender], dict[str, str]]:
-    """Every backend on every device type where it can run, the fastest of the CPU first; the
-    backends that run nowhere, each with the reason."""
+    """Every backend on every device type where it can run; the backends that run nowhere, each with
+    the reason."""
     runnable: list[Contender] = []
     missing: dict[str, str] = {}
     for device in ("cpu", "cuda") if torch.cuda.is_available() else ("cpu",):
