@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -22,8 +21,8 @@ from desplat_ns.distractors.sets import DistractorGaussians
 from desplat_ns.model import DeSplatModel
 from desplat_ns.model_config import DeSplatModelConfig
 from desplat_ns.separation import decide
-from desplat_ns.separation.decide import Comparison, StaticView
-from tests.helpers.small_model import NUM_VIEWS, Trainer, make_model
+from desplat_ns.separation.decide import StaticView
+from tests.helpers.small_model import make_model
 from tests.helpers.well_known_scene import WellKnownScene, cameras, nothing_drawn, the_view
 
 
@@ -63,24 +62,6 @@ def test_after_the_warm_up_a_photo_is_looked_at_at_once_and_then_in_every_third_
         assert all(1 <= gap <= 3 for gap in gaps[:1]) and all(gap == 3 for gap in gaps[1:])
 
 
-def test_regions_stay_until_the_next_look_and_in_a_checkpoint(monkeypatch):
-    model, fresh = a_model(), a_model()
-    trainer = Trainer(model)
-
-    def find(comparison: Comparison, *_: Any) -> torch.Tensor:
-        return torch.full(comparison.excess.values.shape, model.step == 4)
-
-    monkeypatch.setattr(layer, "decide", find)
-    for step in range(9):
-        trainer.step(step, step % NUM_VIEWS)
-    fresh.load_state_dict(model.state_dict())
-    assert model.layer is not None and fresh.layer is not None
-    assert list(fresh.layer.sweep.state()) == list(model.layer.sweep.state()) == [0, 1, 2]
-    for layer_at_hand in (model.layer, fresh.layer):
-        found = {index: each.all() for index, each in layer_at_hand.regions.items()}
-        assert found == {2: False, 0: False, 1: True}
-
-
 def test_what_the_sweep_keeps_does_not_depend_on_the_static_scene():
     """Not in masked pixels either, and of the first visit alone."""
     model = a_model()
@@ -102,31 +83,6 @@ def test_what_the_sweep_keeps_does_not_depend_on_the_static_scene():
     step = layer.Step(NominalStep(1), RunStep(1), 1, view, drawn)
     model.layer.look(step, photo, static, None, mask, torch.zeros(30, 1), {})
     assert step.sweep_photo is None
-
-
-def test_what_gaussians_count_for_has_the_same_bits_on_any_number_of_threads(monkeypatch):
-    """From 32,768 Gaussians on torch splits them."""
-    scene, seen, before = WellKnownScene(), [], torch.get_num_threads()
-    logits = 3 * torch.randn(65_537, 1, generator=torch.Generator().manual_seed(0))
-    places, radii = 30 * torch.rand(1, len(logits), 2), torch.ones(len(logits)).int()
-    config = DistractorConfig(start="residual", static_warmup=5)
-    gaussians = DistractorGaussians(config, cameras())
-    at_hand = DistractorLayer(gaussians, config, DeSplatModelConfig(), cameras(), None)
-
-    def compare(photo: torch.Tensor, static: StaticView, *rest: Any) -> Any:
-        seen.append(static.opacities)
-        return decide.compare(photo, static, *rest)
-
-    monkeypatch.setattr(layer, "compare", compare)
-    try:
-        for threads in (1, 2):
-            torch.set_num_threads(threads)
-            step = scene.train_step(0, scene.photo)
-            step.static = replace(scene.drawn, means2d=places, radii=radii)
-            at_hand.update_regions(step, None, logits, {}, None)
-    finally:
-        torch.set_num_threads(before)
-    assert torch.equal(*seen)
 
 
 def test_a_background_that_the_user_chose_is_scene_and_a_random_one_is_not(monkeypatch):
