@@ -20,7 +20,6 @@ from tests.helpers.small_model import (
     distractors_of,
     make_model,
 )
-from tests.helpers.stub_run import assert_same
 
 
 def test_training_draws_the_distractors_of_that_view_over_the_static_scene():
@@ -103,22 +102,6 @@ def test_distractors_that_the_photo_does_not_show_are_pruned(monkeypatch):
     assert len(model.distractors.views[0]) == 20  # in the warm-up
     trainer.step(1)
     assert len(model.distractors.views[0]) == 19
-
-
-def test_a_checkpoint_comes_back_into_the_parameters_that_the_optimizers_hold():
-    distractors = DistractorConfig(per_view=20, refine_visits=1)
-    source = make_model(warmup_length=0, refine_every=1, distractors=distractors)
-    trainer = Trainer(source)
-    for step in range(1, 8):
-        trainer.step(step, view=step % 3)
-    target = make_model(points=torch.rand(9, 3), warmup_length=0)
-    held = list(target.parameters())
-    target.load_state_dict(source.state_dict())
-    assert all(a is b for a, b in zip(held, target.parameters(), strict=True))
-    for (name, a), b in zip(source.named_parameters(), target.parameters(), strict=True):
-        assert torch.equal(a, b), name
-    assert_same(dict(source.state_dict()), dict(target.state_dict()))
-    assert torch.equal(target.strategy_state["grad2d"], source.strategy_state["grad2d"])
 
 
 @pytest.mark.slow

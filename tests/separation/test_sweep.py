@@ -175,11 +175,22 @@ def swept(views: Cameras, photos: Sequence[PosedPhoto]) -> PlaneSweep:
     return asked
 
 
+def left_in(asked: PlaneSweep, index: int = 0, *device: torch.device) -> torch.Tensor:
+    """What is unexplained of a photo, if anybody is asked."""
+    left = asked.unexplained(index, *device)
+    assert left is not None
+    return left
+
+
+def assert_same(left: torch.Tensor, other: torch.Tensor, atol: float = 0.0) -> None:
+    torch.testing.assert_close(left, other, rtol=0, atol=atol, equal_nan=True)
+
+
 def test_neighbours_and_depths_come_from_the_points():
     views = cameras(*ROW)
     photo, *others = photos_of(views)
-    left = swept(views, [pasted(photo), *others]).unexplained(0)
-    assert left is not None and left.shape == (HEIGHT, WIDTH)
+    left = left_in(swept(views, [pasted(photo), *others]))
+    assert left.shape == (HEIGHT, WIDTH)
     assert inside(left.numpy()).min() > 0.2
     assert np.quantile(left[4:-4, 10:20], 0.95) < 0.03
 
@@ -193,9 +204,7 @@ def test_what_two_neighbours_confirm_most_photos_may_dispute():
 
     def left(with_thing: int, count: int = len(row)) -> np.ndarray:
         photos = [*things[:with_thing], *clean[with_thing:]]
-        found = swept(views, photos[:count]).unexplained(0)
-        assert found is not None
-        return inside(found.numpy())[2:-2, 2:-2]
+        return inside(left_in(swept(views, photos[:count])).numpy())[2:-2, 2:-2]
 
     assert left(3).min() > 0.2
     assert left(3, count=8).max() < 0.05  # seven others are too few to dispute anything
@@ -206,11 +215,8 @@ def test_the_exposure_of_other_photos_is_fitted_away():
     views, gains = cameras(*ROW[:3]), (0.6, 0.7, 0.8)
     photo, *others = photos_of(views)
     exposed = [PosedPhoto((o.colors * gains).astype(np.uint8), o.K, o.viewmat) for o in others]
-    plain = swept(views, [photo, *others]).unexplained(0)
-    left = swept(views, [photo, *exposed]).unexplained(0)
-    assert plain is not None and left is not None
-    # rounded down to 1 of 255 twice, divided by a gain of 0.6
-    torch.testing.assert_close(left, plain, rtol=0, atol=0.015, equal_nan=True)
+    plain, left = (left_in(swept(views, [photo, *some])) for some in (others, exposed))
+    assert_same(left, plain, 0.015)  # rounded down to 1 of 255 twice, divided by a gain of 0.6
 
 
 def test_nobody_is_asked_without_points_photos_or_two_neighbours():
@@ -233,13 +239,10 @@ def test_exposure_is_fitted_to_what_no_mask_leaves_out():
     spoiled = [masked(other, rows, columns) for other in others]
     for other in spoiled:
         other.colors[rows, columns, :3] = 255
-    clean = swept(views, [photo, *others]).unexplained(0)
-    left = swept(views, [photo, *spoiled]).unexplained(0)
-    assert clean is not None and left is not None
+    clean, left = (left_in(swept(views, [photo, *some])) for some in (others, spoiled))
     assert np.quantile(left[4:-4, 32:44], 0.95) < np.quantile(clean[4:-4, 32:44], 0.95) + 0.01
     hidden = [masked(other, rows, slice(0, WIDTH)) for other in others]
-    nobody = swept(views, [photo, *hidden]).unexplained(0)
-    assert nobody is not None and nobody.isnan().all()
+    assert left_in(swept(views, [photo, *hidden])).isnan().all()
 
 
 def test_a_checkpoint_holds_the_photos():
@@ -250,9 +253,7 @@ def test_a_checkpoint_holds_the_photos():
     assert restored.unexplained(0) is None  # what is known before is forgotten
     restored.load(asked.state())
     for index in range(len(ROW)):
-        expected, left = asked.unexplained(index), restored.unexplained(index)
-        assert expected is not None and left is not None
-        torch.testing.assert_close(left, expected, rtol=0, atol=0, equal_nan=True)
+        assert_same(left_in(restored, index), left_in(asked, index))
 
 
 def test_what_is_unexplained_does_not_depend_on_the_order_of_visits_and_is_found_once(monkeypatch):
@@ -262,9 +263,8 @@ def test_what_is_unexplained_does_not_depend_on_the_order_of_visits_and_is_found
     for index in (3, 0, 4, 2, 1):
         other.keep(index, torch.from_numpy(photos[index].colors))
         other.unexplained(index)  # of those that are there; not for long
-    one, same = ordered.unexplained(2), other.unexplained(2)
-    assert one is not None and same is not None
-    torch.testing.assert_close(one, same, rtol=0, atol=0, equal_nan=True)
+    one = left_in(ordered, 2)
+    assert_same(one, left_in(other, 2))
     monkeypatch.setattr(sweep, "unexplained", None)
     assert ordered.unexplained(2) is one
 
@@ -288,9 +288,7 @@ def test_on_a_gpu_a_thread_finds_what_is_found_on_a_cpu(as_on_a_gpu):
     expected, asked = swept(views, photos_of(views)), swept(views, photos_of(views))
     assert not workers()
     for index in (4, 0, 2, 1, 3):  # neither first in, first out, nor what the thread is at
-        one, same = expected.unexplained(index), asked.unexplained(index, as_on_a_gpu)
-        assert one is not None and same is not None
-        torch.testing.assert_close(one, same, rtol=0, atol=0, equal_nan=True)
+        assert_same(left_in(asked, index, as_on_a_gpu), left_in(expected, index))
     for worker in workers():
         worker.join(20)
     assert not workers()

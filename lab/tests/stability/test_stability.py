@@ -21,7 +21,7 @@ def test_the_catalogue_has_a_row_for_each_case_and_finds_the_one_beyond_its_boun
 
     def beyond(*arguments):
         outcome = run(*arguments)
-        outcome.value_share = 1.5
+        outcome.share = 1.5
         return outcome
 
     monkeypatch.setattr(catalogue, "run", beyond)
