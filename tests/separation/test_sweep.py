@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import threading
 from collections.abc import Sequence
 
@@ -292,29 +291,6 @@ def test_on_a_gpu_a_thread_finds_what_is_found_on_a_cpu(as_on_a_gpu):
     for worker in workers():
         worker.join(20)
     assert not workers()
-
-
-def test_the_thread_starts_with_the_last_photo_and_ends_with_who_asks(as_on_a_gpu, monkeypatch):
-    views, at_it, go_on = cameras(*ROW), threading.Event(), threading.Event()
-
-    def slow(*_: object) -> None:
-        at_it.set()
-        assert go_on.wait(20)
-
-    monkeypatch.setattr(PlaneSweep, "_sweep", slow)
-    asked = swept(views, photos_of(views)[:-1])
-    asked._work_ahead(as_on_a_gpu)
-    assert not workers()
-    asked.keep(4, torch.from_numpy(photos_of(views)[-1].colors))
-    asked._work_ahead(as_on_a_gpu)
-    (worker,) = workers()
-    assert at_it.wait(20)
-    done = asked._unexplained
-    del asked
-    gc.collect()
-    go_on.set()
-    worker.join(20)
-    assert not worker.is_alive() and len(done) == 1
 
 
 def test_an_error_of_the_thread_is_one_of_the_step_that_asks(as_on_a_gpu, monkeypatch):
