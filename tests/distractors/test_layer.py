@@ -43,6 +43,7 @@ def test_after_the_warm_up_a_photo_is_looked_at_at_once_and_then_in_every_third_
     cams = cameras()[torch.zeros(40, dtype=torch.long)]
     gaussians = DistractorGaussians(run.distractors, cams)
     manager: Any = SimpleNamespace(train_dataset=range(40), config=FullImageDatamanagerConfig())
+    drawn = the_view(), nothing_drawn()
     at_hand, unseen, visits = None, [], {index: [] for index in range(40)}
     for step in map(RunStep, range(steps)):
         if at_hand is None or step == steps // 2:
@@ -51,7 +52,7 @@ def test_after_the_warm_up_a_photo_is_looked_at_at_once_and_then_in_every_third_
             at_hand.regions = kept
         unseen = unseen or FullImageDatamanager.sample_train_cameras(manager)
         index, nominal = unseen.pop(0), schedule.nominal(step)
-        looks = at_hand.looks(Step(nominal, step, index, the_view(), nothing_drawn()))
+        looks = at_hand.looks(Step(nominal, step, index, *drawn))
         if nominal >= run.distractors.warmup:
             visits[index].append(looks)
             at_hand.regions[index] = torch.ones(1, 1, dtype=torch.bool)
