@@ -11,14 +11,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from desplat_ns.core.checkpoint import load_newest
 from desplat_ns.core.errors import CaptureError
 from desplat_ns.data.colmap import DeSplatColmapDataParserConfig
 from desplat_ns.data.photo_cache import BoundedPhotos
 from desplat_ns.training.datamanager import DeSplatDataManager, DeSplatDataManagerConfig
 from lab.pictures import write_image
 from tests.helpers.lenses import BARREL, distort
-from tests.helpers.registered import set_up
+from tests.helpers.registered import last_state, set_up
 from tests.helpers.stub_run import assert_same
 
 THREE_PHOTOS = 2.4e-5
@@ -70,14 +69,6 @@ def assert_same_view(view: Any, other: Any) -> None:
     assert_same(vars(view[0]), vars(other[0]))
 
 
-def last_checkpoint(config: Any) -> Any:
-    """Without the state of Python's own generator: the checks of types draw from it, which run in
-    tests alone."""
-    state = load_newest(config.get_checkpoint_dir())[1]
-    del state["rng"]["python"]
-    return state
-
-
 def run_of(tiny_run, output: Path, data: Path, bound: float | None, name: str) -> Any:
     config = dataclasses.replace(tiny_run(output), timestamp=name)
     config.pipeline.datamanager.dataparser.data = data
@@ -106,8 +97,8 @@ def test_a_photo_that_vanishes_is_named_and_what_is_trained_is_saved(
     away.rename(images)
     done = trainer._steps_done
     assert 7 <= done <= 11  # three photos are in memory
-    assert last_checkpoint(config)["step"] == done - 1
+    assert last_state(config)["step"] == done - 1
     resumed = run_of(tiny_run, tmp_path, data, THREE_PHOTOS, "resumed")
     resumed.load_dir = config.get_checkpoint_dir()
     set_up(resumed, seed=99).train()
-    assert_same(last_checkpoint(whole), last_checkpoint(resumed))
+    assert_same(last_state(whole), last_state(resumed))
