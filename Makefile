@@ -7,19 +7,17 @@
 #   make fuzz    the properties again and again, with new examples each time (10 minutes; FUZZ_MINUTES=60)
 #   make test-avx2  the quick tests of what computes, as on a processor that has AVX2 and no more
 #   make test-pythons  the tests on Python 3.10, 3.11 and 3.12, each in an environment of its own
-#   make bench   backends, training steps and dials timed, one table in outputs/bench.md (15 minutes)
+#   make bench   backends and training steps timed, one table in outputs/bench.md (15 minutes)
 #   make stability  hard cases, kills, broken lines, a long run: outputs/stability.md (2 hours)
 #   make gpu     on a machine with a GPU: parity, step time, waits, training, tests; docs/results/gpu.md (10 minutes, and compiling)
 #   make docs    the site of docs/ in outputs/site; a broken link is an error (make env docs: with all options)
 #   make viewer  fetches and bundles what draws a scene in a page, by npm, into desplat_ns/tools/scene/viewer
-#   make study   the runs of lab/study without a record, and their table in outputs/study (hours; resumes)
 #   make smoke   every table of the paper end to end on generated scenes, on the CPU (4 minutes of one core)
 #   make check   ruff, pyright, tests: green on every commit
 #   make clean   removes what was built (make distclean: the environment as well)
 #
 # Settings: VENV=folder  PYTHON=interpreter (3.10 to 3.12)  PYTEST_ARGS='-k name'  DEMO_ARGS='--steps 500'
 #           PYTHONS_TESTED='3.10 3.12'  BENCH_ARGS='--quick'  STABILITY_ARGS='--only catalogue'
-#           STUDY_ARGS='--jobs 2'  (with DESPLAT_NS_DATA=folder)
 # UV= (empty) uses pip although uv is installed.
 
 VENV ?= .venv
@@ -29,7 +27,6 @@ PYTEST_ARGS ?=
 DEMO_ARGS ?=
 BENCH_ARGS ?=
 STABILITY_ARGS ?=
-STUDY_ARGS ?=
 SMOKE_ARGS ?=
 FUZZ_MINUTES ?= 10
 PYTHONS_TESTED ?= 3.10 3.11 3.12
@@ -51,7 +48,7 @@ export PYRIGHT_PYTHON_IGNORE_WARNINGS ?= 1
 # Python keeps what it compiled: else each process that a test starts compiles nerfstudio anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo bench docs fuzz gpu smoke stability study viewer test test-quick test-lab test-avx2 test-pythons check
+.PHONY: demo bench docs fuzz gpu smoke stability viewer test test-quick test-lab test-avx2 test-pythons check
 .PHONY: lint clean distclean env help
 .DEFAULT_GOAL := help
 
@@ -72,9 +69,6 @@ stability: $(STAMP)
 
 gpu: $(STAMP)
 	$(PY) -m lab.gpu
-
-study: $(STAMP)
-	$(PY) -m lab.study $(STUDY_ARGS)
 
 # What the options mean is read from the package; without it the page says so.
 docs: $(DOCS_STAMP)

@@ -14,9 +14,6 @@ os.environ.setdefault("OMP_WAIT_POLICY", "passive")
 
 CHECKOUT = Path(__file__).resolve().parents[1]
 DOCS = CHECKOUT / "docs"
-RECORDS = DOCS / "records"
-"""What was measured, a line of JSON for each run."""
-
 OUTPUTS = CHECKOUT / "outputs"
 """What studies train, a folder each; git ignores it."""
 

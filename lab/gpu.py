@@ -25,7 +25,7 @@ import time
 import traceback
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 from unittest import mock
@@ -51,7 +51,7 @@ from desplat_ns.metrics import psnr, ssim
 from desplat_ns.plugin import splatfacto_modules_without_torchmetrics
 from desplat_ns.tools.studies.machine import code_version, device_name
 from lab import CHECKOUT, DOCS, OUTPUTS, markdown_table, parser_of
-from lab.bench.drawing import TODAY, Drawing, contenders, errors_of
+from lab.bench.drawing import Drawing, contenders, errors_of
 from lab.bench.scenes import make_scene
 from lab.machine import describe_machine
 from lab.synthetic import SceneSpec, write_scene
@@ -118,7 +118,7 @@ def parity(job: Job) -> Figures:
     torch_cpu = next(c for c in runnable if (c.name, c.device) == ("torch", "cpu"))
     for size in ((2_000, 160, 120), (20_000, 480, 270)) if job.is_real else ((300, 64, 48),):
         scene = make_scene(*size)
-        truth = Drawing(torch_cpu, scene, replace(TODAY, dtype=torch.float64)).drawn()
+        truth = Drawing(torch_cpu, scene, torch.float64).drawn()
         for contender in (c for c in runnable if c.device == job.device):
             errors = errors_of(Drawing(contender, scene).drawn(), truth)
             rows.append({"scene": scene.name, "backend": contender.name, **asdict(errors)})

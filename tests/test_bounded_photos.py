@@ -6,25 +6,18 @@ import copy
 import dataclasses
 import shutil
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-import psutil
 import pytest
 
-from desplat_ns.core.checkpoint import load_newest
 from desplat_ns.core.errors import CaptureError
-from desplat_ns.core.run_files import find_run
 from desplat_ns.data.colmap import DeSplatColmapDataParserConfig
-from desplat_ns.data.photo_cache import SHARE, BoundedPhotos
-from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
-from desplat_ns.tools.loading import load_run
-from desplat_ns.tools.report.pictures import training_photos
+from desplat_ns.data.photo_cache import BoundedPhotos
 from desplat_ns.training.datamanager import DeSplatDataManager, DeSplatDataManagerConfig
 from lab.pictures import write_image
 from tests.helpers.lenses import BARREL, distort
-from tests.helpers.registered import set_up
+from tests.helpers.registered import last_state, set_up
 from tests.helpers.stub_run import assert_same
 
 THREE_PHOTOS = 2.4e-5
@@ -76,24 +69,6 @@ def assert_same_view(view: Any, other: Any) -> None:
     assert_same(vars(view[0]), vars(other[0]))
 
 
-@pytest.mark.parametrize("free", [100_000, 80_000])
-def test_what_the_machine_can_spare_decides(tiny_scene, monkeypatch, free):
-    """8 photos of 4,608 bytes are 36,864."""
-    monkeypatch.setattr(
-        psutil, "virtual_memory", lambda: SimpleNamespace(available=free, total=free)
-    )
-    photos = manager(RobustNerfDataParserConfig(data=tiny_scene.folder)).cached_train
-    assert isinstance(photos, BoundedPhotos) == (SHARE * free < 8 * 4608)
-
-
-def last_checkpoint(config: Any) -> Any:
-    """Without the state of Python's own generator: the checks of types draw from it, which run in
-    tests alone."""
-    state = load_newest(config.get_checkpoint_dir())[1]
-    del state["rng"]["python"]
-    return state
-
-
 def run_of(tiny_run, output: Path, data: Path, bound: float | None, name: str) -> Any:
     config = dataclasses.replace(tiny_run(output), timestamp=name)
     config.pipeline.datamanager.dataparser.data = data
@@ -122,29 +97,8 @@ def test_a_photo_that_vanishes_is_named_and_what_is_trained_is_saved(
     away.rename(images)
     done = trainer._steps_done
     assert 7 <= done <= 11  # three photos are in memory
-    assert last_checkpoint(config)["step"] == done - 1
+    assert last_state(config)["step"] == done - 1
     resumed = run_of(tiny_run, tmp_path, data, THREE_PHOTOS, "resumed")
     resumed.load_dir = config.get_checkpoint_dir()
     set_up(resumed, seed=99).train()
-    assert_same(last_checkpoint(whole), last_checkpoint(resumed))
-
-
-def pixels_of(pipeline) -> list[Any]:
-    """Of two photos, as a report shows them."""
-    shown = training_photos(pipeline, [0, 4])
-    return [photo.pictures["photo"].pixels.tolist() for photo in shown]
-
-
-def test_a_report_undistorts_the_photos_that_it_shows_only(data, tiny_run, tmp_path, monkeypatch):
-    distort(data)
-    config = run_of(tiny_run, tmp_path, data, None, "run")
-    trainer = set_up(dataclasses.replace(config, max_num_iterations=2))
-    trainer.train()
-    expected = pixels_of(trainer.pipeline.eval())
-    pipeline = load_run(find_run(config.get_base_dir() / "config.yml")).pipeline
-    dataset, read = pipeline.datamanager.train_dataset, []
-    get_data = dataset.get_data
-    monkeypatch.setattr(dataset, "get_data", lambda i, kind: read.append(i) or get_data(i, kind))
-    photos = pixels_of(pipeline)
-    assert set(read) == {0, 4}
-    assert_same(photos, expected)
+    assert_same(last_state(whole), last_state(resumed))

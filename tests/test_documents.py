@@ -145,10 +145,3 @@ def test_the_python_on_its_page_runs(
         exec(block.replace("outputs/capture/desplat/run/config.yml", str(trained)), names)
     assert names["image"].shape == (120, 160, 3)
     assert set(names["full"]) and all(mask.dtype == bool for mask in names["full"].values())
-
-
-def test_no_program_of_the_package_is_without_a_page(checkout: Path, documented: list[Documented]):
-    known = {command.program for command in documented}
-    text = (checkout / "pyproject.toml").read_text("utf8")
-    ours = set(re.findall(r"^(desplat-\w[\w-]*) = \"desplat_ns.tools.commands", text, re.MULTILINE))
-    assert ours <= known

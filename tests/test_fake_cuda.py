@@ -10,29 +10,27 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
 import torch
 from nerfstudio.models.splatfacto import SplatfactoModelConfig
-from torch import Tensor, nn
+from torch import Tensor
 from torch._subclasses.fake_tensor import FakeTensorMode
 from torch.fx.experimental.symbolic_shapes import ShapeEnv
 
-import desplat_ns.separation.decide as regions_of_photos
 from desplat_ns.backend.gsplat_cuda import _with_unsound_behind
 from desplat_ns.backend.protocol import Rendering, Splats, View
 from desplat_ns.backend.ssim import _window
 from desplat_ns.core.devices import state_to_device
-from desplat_ns.core.effects import BackgroundGrade, Effects
-from desplat_ns.core.schedule import NominalStep, RunStep
+from desplat_ns.core.effects import Effects
+from desplat_ns.core.schedule import NominalStep
 from desplat_ns.distractors.config import DistractorConfig
-from desplat_ns.distractors.distractors import Distractors
+from desplat_ns.distractors.distractors import apply_mask
 from desplat_ns.distractors.placement import distractor_weight
 from desplat_ns.distractors.refinement import DistractorDensifier, strategy_info
 from desplat_ns.distractors.sets import PARAMETER_NAMES, ViewDistractors
-from desplat_ns.gaussians.activation import activate_distractors
+from desplat_ns.gaussians.activation import activate_distractors, sigmoid
 from desplat_ns.layers import layered_outputs, over_background, static_outputs
 from desplat_ns.losses import (
     background_opacity_loss,
@@ -45,20 +43,18 @@ from desplat_ns.losses import (
 from desplat_ns.photo_tourism.appearance import fourier_features
 from desplat_ns.photo_tourism.config import AppearanceConfig, BackgroundConfig
 from desplat_ns.photo_tourism.image_effects import ImageEffects
-from desplat_ns.separation.decide import Thresholds
-from desplat_ns.separation.grid import _shares
-from desplat_ns.separation.residuals import RESIDUAL_MEDIANS
-from desplat_ns.step import Step
+from desplat_ns.separation import decide
+from desplat_ns.separation.decide import StaticView, Thresholds
+from desplat_ns.separation.grid import _shares, region_pixels
+from desplat_ns.separation.residuals import medians_in
+from desplat_ns.separation.sweep import photo_to_sweep
 from desplat_ns.training.step_guard import sum_of_squares
 
 WIDTH, HEIGHT, N = 60, 40, 50
 CONFIG = DistractorConfig(per_view=100, start="residual", static_alone=True, static_warmup=5)
 WIDTHS = dict(zip(PARAMETER_NAMES, (3, 3, 4, 3, 1), strict=True))
 """Values per distractor."""
-EARLY = 7
-"""A step at which regions are found and filled."""
-LATE = 20
-"""A step at which regions are found, left out and filled."""
+CUDA = torch.device("cuda")
 
 
 @pytest.fixture(autouse=True)
@@ -83,62 +79,30 @@ def rendering(count: int = N) -> Rendering:
     return Rendering(cuda(HEIGHT, WIDTH, 3), cuda(HEIGHT, WIDTH, 1), None, cuda(1, count, 2), radii)
 
 
-def a_layer(background: BackgroundGrade = "off") -> Distractors:
-    """What looks for regions, without what asks cameras where they stand. What other photos leave
-    unexplained is found by a thread, which puts it on the GPU."""
-    layer = Distractors.__new__(Distractors)
-    nn.Module.__init__(layer)
-    layer.background, layer.is_behind_by_chance = background, background == "off"
-    layer.regions = {}
-    sweep: Any = SimpleNamespace(photos={}, unexplained=lambda _, device: cuda(HEIGHT, WIDTH))
-    layer.sweep, layer.thresholds = sweep, Thresholds()
-    layer.config, layer.views = CONFIG, [distractors_with_moments()] * 8
-    return layer
-
-
-def a_step(number: int) -> Step:
-    at = NominalStep(number), RunStep(number)
-    step = Step(*at, 0, the_view(), rendering(), rendering(9))
-    step.photo, step.static_rgb = cuda(HEIGHT, WIDTH, 3), cuda(HEIGHT, WIDTH, 3)
-    return step
-
-
 def assert_on_cuda(*values: Any) -> None:
     for tensor in values:
         assert isinstance(tensor, Tensor) and tensor.device.type == "cuda"
 
 
-@pytest.fixture
-def regions_by_cell(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Which cells are connected is OpenCV's to say, on the CPU."""
-    monkeypatch.setattr(regions_of_photos, "outlier_regions", lambda weak, strong: weak & strong)
-
-
-@pytest.mark.usefixtures("regions_by_cell")
-@pytest.mark.parametrize(("number", "masked"), [(0, False), (EARLY, True), (LATE, False)])
-def test_looking_for_regions_and_what_follows_from_them_stays_on_the_gpu(number, masked):
-    """Residual, expected residual, statistics, excess, detail, outlines, weights, losses."""
-    layer, state = a_layer("image" if masked else "off"), {}
-    mask = cuda(HEIGHT, WIDTH, 1) > 0.5 if masked else None
-    for _ in range(2):
-        step = a_step(number)
-        step.mask, step.behind, alpha_d = mask, step.photo, cuda(HEIGHT, WIDTH, 1)
-        layer.look(step, cuda(N, 1), state)
-        photo, static, weight = (
-            step.photo,
-            step.static_rgb,
-            distractor_weight(alpha_d, step.in_region),
-        )
-        losses = photometric_losses(photo, weight, 0.2, static, static, leak=0.03)
-        losses += (distractor_opacity_loss(alpha_d, step.in_region),)
-        losses += (static_transparency_loss(alpha_d, weight),)
-        assert step.residual_medians is not None
-        assert_on_cuda(step.residual_medians, *losses)
-        state[RESIDUAL_MEDIANS] = step.residual_medians
-    assert_on_cuda(step.sweep_photo)
-    assert (step.regions is None) == (number < CONFIG.warmup)
-    if step.regions is not None:
-        assert_on_cuda(step.regions)
+@pytest.mark.parametrize("masked", [False, True])
+def test_what_decides_whose_a_pixel_is_and_what_follows_stays_on_the_gpu(monkeypatch, masked):
+    """But for which cells are connected, which is OpenCV's to say, on the CPU."""
+    monkeypatch.setattr(decide, "outlier_regions", lambda weak, strong: weak & strong)
+    photo, drawn, medians = cuda(HEIGHT, WIDTH, 3), rendering(), medians_in({}, N, CUDA)
+    static = StaticView(
+        drawn.rgb, drawn.alpha, None, drawn.means2d[0], drawn.visible, sigmoid(cuda(N))
+    )
+    counted = None
+    if masked:
+        photo, counted = apply_mask(photo, drawn.rgb, cuda(HEIGHT, WIDTH, 1) > 0.5)
+    comparison, medians = decide.compare(photo, static, medians, counted)
+    regions = decide.decide(comparison, lambda: cuda(HEIGHT, WIDTH), Thresholds())
+    alpha_d, in_region = cuda(HEIGHT, WIDTH, 1), region_pixels(regions, HEIGHT, WIDTH).float()
+    owned = distractor_weight(alpha_d, in_region)
+    losses = photometric_losses(photo, owned, 0.2, drawn.rgb, drawn.rgb, leak=0.03)
+    losses += (distractor_opacity_loss(alpha_d, in_region),)
+    losses += (static_transparency_loss(alpha_d, owned),)
+    assert_on_cuda(medians, regions, photo_to_sweep(photo, None), *losses)
 
 
 def distractors_with_moments() -> ViewDistractors:
@@ -160,7 +124,7 @@ def test_densification_stays_on_the_gpu_until_it_counts_what_to_clone(start):
     means2d: Any = drawn.means2d
     means2d.absgrad = cuda(1, N, 2)
     info = strategy_info(drawn, view)
-    distractors.refinement, step = LATE, NominalStep(LATE)  # not due
+    distractors.refinement, step = 20, NominalStep(20)  # not due
     for _ in range(2):
         densifier.after_step(distractors, step, info, lambda params: params["means"][:, 0])
     running = distractors.state
@@ -189,23 +153,17 @@ def test_layers_and_losses_stay_on_the_gpu():
     photo, background = cuda(HEIGHT, WIDTH, 3), cuda(3)
     image = over_background(static.rgb, static.alpha, background)
     outputs = static_outputs(static, image, background)
-    rgb = outputs["rgb"]
-    outputs |= layered_outputs(image, rgb, distractor)
-    outputs |= {"empty": layered_outputs(image, rgb, None)["rgb_composite"]}
+    outputs |= layered_outputs(image, outputs["rgb"], distractor)
+    outputs |= {"empty": layered_outputs(image, outputs["rgb"], None)["rgb_composite"]}
     assert_on_cuda(*outputs.values())
     alpha_d, alpha_s = outputs["alpha_distractor"], outputs["accumulation"]
-    owned = distractor_weight(alpha_d)
+    explained = explained_by_background(photo, photo, 0.1)
     losses = [
-        distractor_opacity_loss(alpha_d),
-        distractor_opacity_loss(alpha_d, owned),
         static_transparency_loss(alpha_s),
         mean_shown_opacity(cuda(N, 1), static.visible),
-        *photometric_losses(photo, owned, 0.2, outputs["rgb"]),
-        (outputs["rgb_composite"] - photo).abs().mean(),
-        background_opacity_loss(alpha_d, alpha_s, explained_by_background(photo, photo, 0.1)),
+        background_opacity_loss(alpha_d, alpha_s, explained),
     ]
-    assert_on_cuda(*losses)
-    assert_on_cuda(sum_of_squares(losses))
+    assert_on_cuda(*losses, sum_of_squares(losses))
 
 
 @pytest.mark.parametrize("appearance", ["affine", "sh"])

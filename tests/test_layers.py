@@ -54,13 +54,6 @@ def outputs_of(static: Rendering) -> dict[str, torch.Tensor]:
     return static_outputs(static, over_blue(static), BLUE)
 
 
-def test_the_static_scene_lies_over_the_background():
-    outputs = outputs_of(layer([2.0, 0, 0], [0.0, 0.25, 1.0]))
-    expected = torch.tensor([[[0, 0, 1.0], [0.5, 0, 0.75], [1.0, 0, 0]]])  # cut off at 1
-    assert torch.equal(outputs["rgb"], expected)
-    assert "depth" not in outputs
-
-
 def test_where_nothing_is_depth_is_the_farthest():
     outputs = outputs_of(layer([1.0, 0, 0], [0.5, 0.0, 1.0], depth=[2.0, 0.0, 7.0]))
     assert outputs["depth"].flatten().tolist() == [2.0, 7.0, 7.0]
@@ -74,11 +67,3 @@ def test_the_distractors_and_the_composite_are_outputs_of_their_own():
     expected = torch.tensor([[[0.25, 0.75, 0], [0.75, 0.125, 0.125]]])
     assert torch.equal(outputs["rgb_composite"], expected)
     assert outputs["distractor_mask"].flatten().tolist() == [False, True]
-
-
-def test_without_distractors_their_layer_is_empty():
-    static = layer([0, 1.0, 0], [1.0, 0.5])
-    outputs = layered_outputs(over_blue(static), outputs_of(static)["rgb"], None)
-    assert torch.equal(outputs["rgb_composite"], outputs_of(static)["rgb"])
-    assert not outputs["alpha_distractor"].any()
-    assert not outputs["distractor_mask"].any()

@@ -5,7 +5,6 @@ from dataclasses import replace
 import pytest
 import torch
 from nerfstudio.cameras.camera_optimizers import CameraOptimizerConfig
-from nerfstudio.models.splatfacto import RGB2SH
 
 from desplat_ns.core.effects import EffectsConfig
 from desplat_ns.core.errors import CaptureError, DeSplatError
@@ -13,7 +12,6 @@ from desplat_ns.distractors import refinement
 from desplat_ns.distractors.config import DistractorConfig
 from desplat_ns.distractors.refinement import DistractorDensifier
 from desplat_ns.layers import composite_alpha, over_background
-from desplat_ns.metrics import psnr
 from tests.helpers.small_model import (
     HEIGHT,
     WIDTH,
@@ -22,7 +20,6 @@ from tests.helpers.small_model import (
     distractors_of,
     make_model,
 )
-from tests.helpers.stub_run import assert_same
 
 
 def test_training_draws_the_distractors_of_that_view_over_the_static_scene():
@@ -107,22 +104,6 @@ def test_distractors_that_the_photo_does_not_show_are_pruned(monkeypatch):
     assert len(model.distractors.views[0]) == 19
 
 
-def test_a_checkpoint_comes_back_into_the_parameters_that_the_optimizers_hold():
-    distractors = DistractorConfig(per_view=20, refine_visits=1)
-    source = make_model(warmup_length=0, refine_every=1, distractors=distractors)
-    trainer = Trainer(source)
-    for step in range(1, 8):
-        trainer.step(step, view=step % 3)
-    target = make_model(points=torch.rand(9, 3), warmup_length=0)
-    held = list(target.parameters())
-    target.load_state_dict(source.state_dict())
-    assert all(a is b for a, b in zip(held, target.parameters(), strict=True))
-    for (name, a), b in zip(source.named_parameters(), target.parameters(), strict=True):
-        assert torch.equal(a, b), name
-    assert_same(dict(source.state_dict()), dict(target.state_dict()))
-    assert torch.equal(target.strategy_state["grad2d"], source.strategy_state["grad2d"])
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "config",
@@ -170,21 +151,6 @@ def test_points_several_times_at_one_place_make_the_gaussians_that_they_make_onc
     points = torch.rand(30, 3)
     once, often = make_model(points), make_model(points.repeat(4, 1))
     assert torch.equal(often.means, once.means) and torch.equal(often.scales, once.scales)
-
-
-def test_a_black_scene_becomes_what_a_grey_one_becomes():
-    """Before black, where the whole picture is cut at 0 in the beginning."""
-    last = []
-    for color in (128, 0):
-        model = make_model(effects=EffectsConfig(distractors=False))
-        model.features_dc.data = RGB2SH(torch.full((model.num_points, 3), color / 255))
-        trainer = Trainer(model)
-        trainer.photo = trainer.photo * 0.1 + 0.25
-        for optimizer in trainer.optimizers.values():
-            optimizer.param_groups[0]["lr"] = 0.1
-        shown = [trainer.step(step)["outputs"]["rgb"] for step in range(60)][-1]
-        last.append(psnr(shown.detach(), trainer.photo))
-    assert last[1] > last[0] - 0.5 and last[0] > 30
 
 
 def test_the_figures_of_a_step_have_no_gradient():

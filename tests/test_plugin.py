@@ -62,26 +62,6 @@ def test_black_and_white_points_without_harmonics_have_a_slope():
     assert (model.colors * (1 - model.colors)).min() > 1e-3
 
 
-@pytest.mark.parametrize("seed_points", [None, (_points(), COLORS)])
-def test_a_random_start_stays_random(seed_points: Any):
-    model = _model(seed_points, random_init=True)
-    assert model.means.shape == (50, 3)
-    assert model.features_dc.shape == (50, 3)
-
-
-def test_a_model_stays_on_a_device_on_which_its_backend_draws(monkeypatch, capsys):
-    asked = []
-
-    def rendering_device(backend: str, device: str) -> tuple[str, str]:
-        asked.append((backend, device))
-        return device, ""
-
-    monkeypatch.setattr(plugin, "rendering_device", rendering_device)
-    second = torch.device("cuda:1")
-    assert plugin.where_to_render("auto", second) is second
-    assert asked == [("auto", "cuda")] and capsys.readouterr().out == ""
-
-
 def test_masks_get_a_colormap_and_everything_else_keeps_its_own():
     panel: Any = control_panel
     kinds = [(3, torch.float32), (1, torch.float32), (5, torch.float32)]

@@ -14,10 +14,10 @@ import pytest
 import torch
 
 from desplat_ns.backend.numba_kernels.runtime import numba_config
-from desplat_ns.core.checkpoint import checkpoint_path, load_checkpoint
+from desplat_ns.core.checkpoint import checkpoint_path
 from lab.bench.timing import threads
 from lab.synthetic import Scene, write_scene
-from tests.helpers.registered import EIGHT_VIEWS, STEPS, registered_desplat, set_up
+from tests.helpers.registered import EIGHT_VIEWS, STEPS, last_state, registered_desplat, set_up
 from tests.helpers.stub_run import assert_same
 
 pytestmark = pytest.mark.slow
@@ -75,14 +75,6 @@ def straight(scene: Scene, tmp_path_factory: pytest.TempPathFactory) -> Run:
     return run
 
 
-def last_checkpoint(config: Any) -> dict[str, Any]:
-    """What the last step left, but for Python's generator: training draws from its own alone, and
-    beartype, which checks shapes while tests run, draws from Python's."""
-    state = load_checkpoint(checkpoint_path(config.get_checkpoint_dir(), STEPS - 1))
-    del state["rng"]["python"]
-    return state
-
-
 def test_every_loss_of_every_step_is_finite_and_they_fall(straight: Run):
     assert len(straight.losses) == STEPS
     assert all(math.isfinite(loss) for step in straight.losses for loss in step.values())
@@ -126,8 +118,8 @@ def test_a_run_resumed_on_two_threads_equals_one_in_one_go_on_one_to_the_last_bi
         trainer = set_up(resumed, seed=99)
         trainer.train()
     assert trainer._start_step == SAVED + 1
-    state = last_checkpoint(straight.config)
-    assert_same(state, last_checkpoint(resumed))
+    state = last_state(straight.config)
+    assert_same(state, last_state(resumed))
     memory = state["pipeline"]["_model._extra_state"]  # what is compared is all there
     assert memory["static_strategy"]["usual_residual"].any()
     memory = state["pipeline"]["_model.distractors._extra_state"]

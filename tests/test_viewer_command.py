@@ -99,13 +99,3 @@ def test_the_viewer_shows_each_layer_and_at_first_the_static_scene(viewer: Any, 
         assert picture.dtype == np.uint8
     control.layer.value = "static"
     assert not frame()[0]["alpha_distractor"].any()
-
-
-def test_every_output_can_be_chosen_in_the_viewers_own_menu(viewer: Any, frame: Any):
-    frame()
-    menu = viewer.control_panel._output_render
-    assert {"rgb_static", "alpha_distractor", "distractor_mask", "depth"} <= set(menu.options)
-    for output in [*menu.options, "rgb"]:
-        menu.value = output
-        viewer.output_type_changed = True  # as the menu's callback does
-        assert frame()[1].shape[2] == 3

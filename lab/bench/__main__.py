@@ -1,4 +1,4 @@
-"""Time every backend, a training step with each effect, and what accuracy costs; print one table.
+"""Time every backend and a training step with each effect; print one table.
 
     python -m lab.bench            (or: make bench; BENCH_ARGS='--quick' tries it out)
 
@@ -17,19 +17,7 @@ import torch
 from desplat_ns.core.effects import Effects
 from desplat_ns.core.whole import write_whole
 from lab import OUTPUTS, markdown_table, parser_of
-from lab.bench.drawing import (
-    DIALS,
-    EXACT,
-    SUPERSAMPLED,
-    TODAY,
-    Contender,
-    Drawing,
-    Drawn,
-    Errors,
-    Setting,
-    contenders,
-    errors_of,
-)
+from lab.bench.drawing import Contender, Drawing, Errors, contenders, errors_of
 from lab.bench.model_step import ModelStep
 from lab.bench.scenes import Scene, make_scene
 from lab.bench.timing import Timing, threads, time_in_turns
@@ -37,8 +25,8 @@ from lab.machine import describe_machine
 
 SIZES = ((10_000, 240, 180), (20_000, 480, 270), (50_000, 1200, 800))
 """Gaussians, width and height."""
-DIALS_AT = SIZES[1]
-"""Where the dials are turned and errors are measured: the truths take a minute there."""
+COMPARED = SIZES[1]
+"""Where errors are measured: the truth takes a minute there."""
 QUICK_SIZES = ((300, 64, 48),)
 ROUNDS = 5
 
@@ -74,35 +62,22 @@ class Row:
 
 
 def time_drawings(
-    scene: Scene, runnable: Sequence[Contender], with_dials: bool, rounds: int
+    scene: Scene, runnable: Sequence[Contender], is_compared: bool, rounds: int
 ) -> list[Row]:
-    """Every backend as the methods use it; with dials also the fastest one in every setting, and
-    the errors of all."""
-    fastest = next(c for c in runnable if c.name in ("numba", "torch"))
-    by_name = {c.name: c for c in runnable if c.device == "cpu"}
-    cases: list[tuple[str, str, Contender, Setting]] = [
-        ("backend", f"{c.name}, {c.device}", c, TODAY) for c in runnable
-    ]
-    truths: dict[bool, Drawn] = {}
-    if with_dials:
-        float64 = replace(TODAY, dtype=torch.float64)
-        cases.append(("backend", "torch in float64", by_name["torch"], float64))
-        dials = {"as registered": TODAY, **DIALS}
-        cases += [(f"dials of {fastest.name}", n, fastest, s) for n, s in dials.items()]
-        truths[False] = Drawing(by_name["torch"], scene, EXACT).drawn()
-        truths[True] = Drawing(fastest, scene, SUPERSAMPLED).drawn()
-    drawings = {(group, name): Drawing(c, scene, setting) for group, name, c, setting in cases}
+    """Every backend as the methods use it, and its errors where that is asked for."""
+    drawings = {f"{c.name}, {c.device}": Drawing(c, scene) for c in runnable}
     calls: dict[str, Callable[[], None]] = {}
-    for (group, name), drawing in drawings.items():
-        calls[f"{group} {name} forward"], calls[f"{group} {name}"] = drawing.timed()
-    timings = time_in_turns(calls, rounds)
+    for name, drawing in drawings.items():
+        calls[f"{name} forward"], calls[name] = drawing.timed()
+    timings, truth = time_in_turns(calls, rounds), None
+    if is_compared:
+        torch_cpu = next(c for c in runnable if (c.name, c.device) == ("torch", "cpu"))
+        truth = Drawing(torch_cpu, scene, torch.float64).drawn()
     rows = []
-    for (group, name), drawing in drawings.items():
-        truth = truths.get(drawing.setting.antialiased)
-        forward = milliseconds(timings[f"{group} {name} forward"], drawing)
-        both = milliseconds(timings[f"{group} {name}"], drawing)
+    for name, drawing in drawings.items():
+        forward, both = (milliseconds(timings[n], drawing) for n in (f"{name} forward", name))
         errors = None if truth is None else errors_of(drawing.drawn(), truth)
-        rows.append(Row(scene.name, group, name, forward, both, errors))
+        rows.append(Row(scene.name, "backend", name, forward, both, errors))
     return rows
 
 
@@ -160,7 +135,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         for size in sizes:
             scene = make_scene(*size)
             print(f"{scene.name}: rasterizers", flush=True)
-            rows += time_drawings(scene, runnable, is_quick or size == DIALS_AT, rounds)
+            rows += time_drawings(scene, runnable, is_quick or size == COMPARED, rounds)
             print(f"{scene.name}: training steps", flush=True)
             rows += time_steps(scene, rounds)
     text = text_of(rows, missing)

@@ -93,28 +93,6 @@ def write_on_the_go(scene: Scene, home: Path) -> None:
     (home / "transforms.json").write_text(json.dumps(content))
 
 
-def write_converted_on_the_go(scene: Scene, home: Path) -> None:
-    """The same after DeSplat's own script: undistorted photos with a COLMAP model, originals in
-    `input`; the lists count the photos of `transforms.json` still."""
-    write_on_the_go(scene, home)
-    (home / "images").rename(home / "input")
-    _, names = _numbered(scene, home)
-    (home / "images" / names["unposed"]).unlink()
-    _write_model(scene, scene.clutter, names, home / "sparse" / "0")
-
-
-def write_undistorted_on_the_go(scene: Scene, home: Path) -> None:
-    """The copy that WildGaussians' authors made: a COLMAP model in `sparse`, and the photos of both
-    splits in `train_list.txt` and `test_list.txt` instead of `split.json`."""
-    frames, names = _numbered(scene, home)
-    (home / "split.json").unlink()
-    (home / "images" / names["unposed"]).unlink()
-    for kind, listed in (("test", scene.extra), ("train", frames[len(scene.extra) : -1])):
-        lines = "".join(f"{names[frame.name]}\n" for frame in listed)
-        (home / f"{kind}_list.txt").write_text(lines)
-    _write_model(scene, scene.clutter, names, home / "sparse")
-
-
 def write_photo_tourism(scene: Scene, home: Path) -> None:
     """`dense/{images,sparse,stereo}` with a camera for each photo, and NeRF-W's split beside: ids
     are written as 3.0, and rows without one are of photos that COLMAP left out."""

@@ -35,13 +35,11 @@ class Capture:
     parser: tuple[str, ...]
     downscale: int = 1
     """Photos are read at 1/N of their size."""
-    twins: str = ""
-    """Name of the capture that has its photos without what is in the way; empty: itself."""
 
-    def words(self, *options: str) -> tuple[str, ...]:
+    def words(self) -> tuple[str, ...]:
         """Name and options of the data parser."""
         size = ("--downscale-factor", str(self.downscale)) if self.downscale > 1 else ()
-        return (*self.parser, *options, *size)
+        return (*self.parser, *size)
 
 
 def _real(name: str, _: Path) -> Path:
@@ -49,7 +47,7 @@ def _real(name: str, _: Path) -> Path:
     if not folder.is_dir():
         raise DeSplatError(
             f"The capture '{name}' is not at '{folder}'. Set {DATA_VARIABLE} to the folder that "
-            "holds it, or choose runs on generated captures: --only 'desplat-table*'."
+            "holds it."
         )
     return folder
 
@@ -97,24 +95,15 @@ def _captures() -> list[Capture]:
         fox("monstree_cluttered", partial(_real, "monstree_cluttered")),
         fox("sceaux_cluttered", partial(_real, "sceaux_cluttered")),
         *(Capture(name, partial(_generated, spec), PASTED) for name, spec in PLACES.items()),
-        *(
-            fox(name, partial(_altered, name, partial(make_case, name)), twins="fox_cluttered")
-            for name in HARD
-        ),
+        *(fox(name, partial(_altered, name, partial(make_case, name))) for name in HARD),
         *(
             Capture(name, partial(_real, name), ("colmap",), 2)
             for name in ("fox", "monstree", "fox_relit")
         ),
-        Capture("tourism", partial(_generated, SceneSpec.tourism(7)), ("photo-tourism-data",)),
         Capture("sacre_coeur", partial(_real, "sacre_coeur"), ("photo-tourism-data",)),
     ]
 
 
 CAPTURES = {capture.name: capture for capture in _captures()}
-"""By name. Nothing moves in `fox`, `monstree` and `fox_relit`; in `tourism` and `sacre_coeur` light
-and sky differ from photo to photo."""
-
-CHOSEN = ("fox_cluttered", "few12", "facade8", "table20")
-KEPT_OUT = ("monstree_cluttered", "sceaux_cluttered", "few20")
-KEPT_OUT += ("other-facade8", "other-facade16", "other-table20")
-"""Captures on which a threshold was chosen or looked at, and those kept out of that."""
+"""By name. Nothing moves in `fox`, `monstree` and `fox_relit`; `sacre_coeur` has many lights and
+skies."""

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, UInt8
 
-from desplat_ns.core.errors import ConfigError
 from lab.synthetic.cameras import PinholeCamera
 from lab.synthetic.render import AMBIENT, DIRECT, SUN, Samples, Sun, to_pixels, to_uint8
 from lab.synthetic.textures import Color, f32
@@ -139,13 +138,6 @@ class DaylightSpec:
     that."""
     plain_sky: Color | None = None
     """A sky of this one colour in all photos, whatever `sky` is, before each photo's light."""
-
-    def __post_init__(self) -> None:
-        if not (0 <= self.strength <= 1 and 0 <= self.sun <= 180):
-            raise ConfigError(
-                f"Daylight's strength is {self.strength} and its sun {self.sun}. Choose them from "
-                "0 to 1, and from 0 to 180 degrees."
-            )
 
 
 def draw_daylights(spec: DaylightSpec, count: int, rng: np.random.Generator) -> list[Daylight]:

@@ -6,12 +6,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from desplat_ns.core.errors import ConfigError
 from lab.synthetic.daylight import DaylightSpec
 from lab.synthetic.occluders import OccluderSpec
-from lab.synthetic.places import PLACES
-
-LAYOUTS = ("robustnerf", "phototourism")
 
 
 @dataclass(frozen=True)
@@ -51,16 +47,6 @@ class SceneSpec:
     """`yard`, where everything has texture; `room`: bare walls around glossy things; `grove`:
     trees whose bark and leaves are as fine as a pixel, with the sky around; `facade`: a house
     behind a lawn; `table`: things on a table, with a room far behind."""
-
-    def __post_init__(self) -> None:
-        sides = (side for size in self.sizes for side in size)
-        if self.num_views < 3 or self.num_extras < 1 or self.supersample < 1 or min(sides) < 16:
-            raise ConfigError(
-                "A scene needs num_views of 3 or more, num_extras and supersample of 1 or more, "
-                "and pictures of 16 x 16 pixels or more."
-            )
-        if self.layout not in LAYOUTS or self.place not in PLACES:
-            raise ConfigError(f"layout is one of {LAYOUTS}, place one of {[*PLACES]}.")
 
     @classmethod
     def tiny(cls, seed: int = 0) -> SceneSpec:

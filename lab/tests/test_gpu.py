@@ -35,9 +35,3 @@ def test_a_rehearsal_fills_the_page_and_a_second_one_does_what_is_missing(
     assert all(set(row) == set(gpu.METHODS) for row in parts["training"].values())
     page = (tmp_path / "gpu.md").read_text()
     assert "figures mean nothing" in page and "not measured" not in page
-
-
-def test_nothing_is_begun_when_the_time_is_over(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(gpu, "SECONDS", -1)
-    record = gpu.run(gpu.Job("cpu", tmp_path), tmp_path / "gpu.json")
-    assert set(record["failed"]) == set(gpu.PARTS)

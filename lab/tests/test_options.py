@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from desplat_ns.data.colmap import OwnSplitConfig
-from desplat_ns.data.layouts import DeSplatDataParserConfig
-from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
 from desplat_ns.method_configs import desplat
 from lab import options
 
@@ -22,9 +19,3 @@ def test_every_option_of_every_command_has_a_meaning():
     for command in options.COMMANDS:
         rows = options.arguments_of(command)
         assert rows and all(row.meaning for row in rows), command
-
-
-def test_a_meaning_is_that_of_the_nearest_class():
-    ours = options.meanings(RobustNerfDataParserConfig)["eval_mode"]
-    assert ours == options.UNUSED == options.meanings(OwnSplitConfig)["eval_mode"]
-    assert "downscale_factor" in options.meanings(DeSplatDataParserConfig)

@@ -25,6 +25,7 @@ from tests.backend.scenes import (
     tolerance,
 )
 
+DEPTH = RenderSettings(depth=True)
 MODES = [
     pytest.param(RenderSettings(depth=True, absgrad=True), id="classic"),
     pytest.param(RenderSettings(depth=True, absgrad=True, antialiased=True), id="antialiased"),
@@ -38,27 +39,8 @@ FLIP_BUDGET = 0.1
 """Share of pixels that may lie within rounding of a jump."""
 
 
-def check_forward(backend: Backend, scene: TestScene, settings: RenderSettings) -> None:
-    want = render_reference(scene.to(torch.float64), settings)
-    _, got = backend.render(scene, settings)
-    allowed = tolerance(backend.dtype, scene.size, want.sharpness)
-    safe = want.margin > allowed
-    assert safe.double().mean() >= 1 - FLIP_BUDGET
-    difference = {
-        "rgb": (got.rgb.cpu() - want.rgb) / max(1.0, want.rgb.max().item()),
-        "alpha": got.alpha.cpu() - want.alpha,
-    }
-    if got.depth is not None:
-        far = want.depth.max().clamp(min=1e-10)
-        # The quotient of two sums: an error relative to their weight.
-        weight = want.alpha.clamp(max=1)
-        difference["depth"] = 0.5 * (got.depth.cpu() - want.depth) * weight / far
-    for name, error in difference.items():
-        assert error.abs()[safe].max() <= allowed, name
-
-
-def check_gradients(backend: Backend, scene: TestScene, settings: RenderSettings) -> None:
-    """Compare the gradients of a random linear functional of colour, alpha and depth."""
+def check(backend: Backend, scene: TestScene, settings: RenderSettings = DEPTH) -> None:
+    """Compare colour, alpha and depth, and the gradients of a random linear functional of them."""
     truth = scene.to(torch.float64)
     want = render_reference(truth, settings)
     want.means2d.retain_grad()
@@ -66,6 +48,16 @@ def check_gradients(backend: Backend, scene: TestScene, settings: RenderSettings
     safe = (want.margin > allowed)[..., None]
     assert safe.double().mean() >= 1 - FLIP_BUDGET
     leaves, got = backend.render(scene, settings)
+    assert got.depth is not None
+    # A depth is the quotient of two sums: an error relative to their weight.
+    far = 0.5 * want.alpha.clamp(max=1) / want.depth.max().clamp(min=1e-10)
+    difference = {
+        "rgb": (got.rgb.cpu() - want.rgb) / max(1.0, want.rgb.max().item()),
+        "alpha": got.alpha.cpu() - want.alpha,
+        "depth": (got.depth.cpu() - want.depth) * far,
+    }
+    for name, error in difference.items():
+        assert (error.abs() * safe).max() <= allowed, name
     rng = torch.Generator().manual_seed(7)
     for name in ("rgb", "alpha", "depth"):
         image = getattr(want, name)
@@ -75,7 +67,6 @@ def check_gradients(backend: Backend, scene: TestScene, settings: RenderSettings
         (image * factor).sum().backward(retain_graph=True)
         part = getattr(got, name)
         (part * factor.to(part)).sum().backward(retain_graph=name != "depth")
-
     for name in PARAMETERS:
         check_close(name, getattr(leaves, name).grad, getattr(truth, name).grad, allowed)
     assert got.means2d.grad is not None
@@ -90,50 +81,36 @@ def check_close(name: str, got: Tensor | None, want: Tensor | None, allowed: flo
 
 @pytest.mark.parametrize("settings", MODES)
 @pytest.mark.parametrize("sh_degree", [None, 0, 2, 4])
-def test_colour_alpha_and_depth_agree_with_the_reference(backend, settings, sh_degree):
-    check_forward(backend, random_scene(3, sh_degree=sh_degree), settings)
-
-
-@pytest.mark.parametrize("settings", MODES)
-@pytest.mark.parametrize("sh_degree", [None, 1, 4])
-def test_gradients_agree_with_the_reference(backend, settings, sh_degree):
-    check_gradients(backend, random_scene(5, sh_degree=sh_degree), settings)
+def test_values_and_gradients_agree_with_the_reference(backend, settings, sh_degree):
+    check(backend, random_scene(3, sh_degree=sh_degree), settings)
 
 
 def test_lower_degrees_leave_higher_coefficients_alone(backend):
-    scene = dataclasses.replace(random_scene(4, sh_degree=3), sh_degree=1)
-    check_forward(backend, scene, RenderSettings(depth=True))
-    check_gradients(backend, scene, RenderSettings(depth=True))
+    check(backend, dataclasses.replace(random_scene(4, sh_degree=3), sh_degree=1))
 
 
 def test_a_stack_of_opaque_gaussians_agrees_where_blending_stops(exact_backend):
     scene = random_scene(11, count=150, opacity=(0.6, 0.99))
     stopped = render_reference(scene.to(torch.float64), RenderSettings()).alpha
     assert (stopped > 1 - 1e-3).double().mean() > 0.5
-    check_forward(exact_backend, scene, RenderSettings(depth=True))
-    check_gradients(exact_backend, scene, RenderSettings(depth=True))
+    check(exact_backend, scene)
 
 
 @pytest.mark.parametrize("channels", [1, 5])
 def test_any_number_of_channels_is_drawn(backend, channels):
-    scene = random_scene(13, count=20, channels=channels)
-    check_forward(backend, scene, RenderSettings(depth=True))
-    check_gradients(backend, scene, RenderSettings(depth=True))
+    check(backend, random_scene(13, count=20, channels=channels))
 
 
 @pytest.mark.parametrize("size", [(1, 1), (16, 16), (17, 5), (3, 33)])
 def test_images_of_any_size_are_drawn(backend, size):
-    scene = random_scene(17, count=15, size=size)
-    check_forward(backend, scene, RenderSettings(depth=True))
+    check(backend, random_scene(17, count=15, size=size))
 
 
 def test_tiles_without_gaussians_show_nothing(backend):
     """Where nothing is drawn memory is not read before it is written: new tensors are NaN."""
-    scene = one_gaussian(size=(40, 36))
     try:
         torch.use_deterministic_algorithms(True, warn_only=True)
-        check_forward(backend, scene, RenderSettings(depth=True))
-        check_gradients(backend, scene, RenderSettings(depth=True))
+        check(backend, one_gaussian(size=(40, 36)))
     finally:
         torch.use_deterministic_algorithms(False)
 
@@ -235,7 +212,7 @@ def test_what_lies_beyond_the_border_shows_as_far_as_its_alpha_reaches(exact_bac
         means=torch.tensor(mean), scales=torch.full((1, 3), 1.25), opacities=torch.tensor([1.0])
     )
     assert render_reference(scene.to(torch.float64), RenderSettings()).alpha.max() > 0.005
-    check_forward(exact_backend, scene, RenderSettings(depth=True))
+    check(exact_backend, scene)
 
 
 def test_equal_depths_are_drawn_in_the_order_of_their_index(exact_backend):
@@ -255,8 +232,9 @@ def test_the_same_input_gives_the_same_bits(backend):
     assert all(torch.equal(a, b) for a, b in zip(*runs, strict=True))
 
 
-def test_the_camera_receives_gradients(backend):
-    scene = random_scene(37, count=15, size=(16, 12))
+@pytest.mark.parametrize("sh_degree", [None, 3])
+def test_the_camera_receives_gradients(backend, sh_degree):
+    scene = random_scene(37, count=15, size=(16, 12), sh_degree=sh_degree)
     truth, leaves = scene.to(torch.float64), scene.to(backend.dtype, backend.device)
     want = render_reference(truth, RenderSettings())
     allowed = tolerance(backend.dtype, scene.size, want.sharpness)

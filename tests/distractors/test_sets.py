@@ -10,7 +10,6 @@ from desplat_ns.cameras.views import view_of
 from desplat_ns.distractors.config import DistractorConfig, rates_at
 from desplat_ns.distractors.distractors import Distractors
 from desplat_ns.gaussians.activation import keep_colors_in_range
-from tests.helpers.stub_run import assert_same
 
 STATIC = SplatfactoModelConfig()
 
@@ -82,37 +81,3 @@ def test_colours_that_left_the_range_come_back_to_its_border():
         rgbs.copy_(torch.tensor([[-0.5, 0.5, 1.5], [0.0, 1.0, 2.0]]))
     keep_colors_in_range(distractors.views[1].params)
     assert torch.equal(rgbs, torch.tensor([[0.0, 0.5, 1.0], [0.0, 1.0, 1.0]]))
-
-
-def stepped(distractors: Distractors, view: int) -> None:
-    """One step of Adam on a view, by gradients of 1."""
-    gaussians = distractors.views[view]
-    gaussians.begin_step(rates_at(0))
-    torch.stack([p.sum() for p in gaussians.params.values()]).sum().backward()
-    for optimizer in gaussians.optimizers.values():
-        optimizer.step()
-
-
-def test_a_checkpoint_brings_moments_back_also_through_a_second_one():
-    source = Distractors(DistractorConfig(per_view=4), STATIC, cameras())
-    stepped(source, 0)
-    source.views[0].refinement = 3
-    target = source
-    for _ in range(2):
-        saved, target = target.state_dict(), Distractors(DistractorConfig(), STATIC, cameras())
-        target.load_state_dict(saved)
-    assert target.views[0].refinement == 3
-    for either in (source, target):
-        stepped(either, 0)
-        stepped(either, 1)
-    assert_same(dict(source.state_dict()), dict(target.state_dict()))
-
-
-def test_a_warm_up_says_how_long_it_would_be_if_visits_did_not_end_it():
-    config = DistractorConfig(static_warmup=None)
-    assert config.warmup_of(40, 500)[0] == 600
-    assert config.warmup_of(8, 500, 0.1) == (1200, 3000)  # of 120 steps and 50 + 250
-    assert config.warmup_of(20, 500, 0.1) == (3000, 3000)
-    assert config.warmup_of(8, 500, 0.02) == (6000, 6000)  # a run of 600 steps
-    assert DistractorConfig().warmup_of(8, 500, 0.1) == (0, 0)
-    assert DistractorConfig(static_warmup=9000).warmup_of(8, 500, 0.1) == (9000, 9000)  # as given

@@ -11,6 +11,7 @@ import numpy as np
 import torch
 from nerfstudio.configs.method_configs import all_methods
 
+from desplat_ns.core.checkpoint import load_newest
 from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
 from lab.synthetic import Scene, SceneSpec
 
@@ -50,3 +51,11 @@ def set_up(config: Any, seed: int | None = None) -> Any:
     trainer = config.setup(local_rank=0, world_size=1)
     trainer.setup()
     return trainer
+
+
+def last_state(config: Any) -> dict[str, Any]:
+    """What a run's newest checkpoint holds, but for Python's generator: training draws from its own
+    alone, and beartype, which checks shapes while tests run, draws from Python's."""
+    state = load_newest(config.get_checkpoint_dir())[1]
+    del state["rng"]["python"]
+    return state

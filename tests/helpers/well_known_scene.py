@@ -85,8 +85,3 @@ class WellKnownScene:
         photo = self.photo.clone()
         photo[10:30, 20:40] = torch.tensor([0.9, 0.1, 0.9])
         return photo
-
-    def with_a_pale_one(self) -> torch.Tensor:
-        photo = self.photo.clone()
-        photo[10:30, 20:40] += 0.18
-        return photo

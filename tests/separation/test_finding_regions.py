@@ -4,8 +4,8 @@ import dataclasses
 
 import torch
 
-from desplat_ns.separation.decide import Thresholds, evidence_of
-from desplat_ns.separation.residuals import RESIDUAL_MEDIANS, Excess
+from desplat_ns.separation.decide import Thresholds
+from desplat_ns.separation.residuals import RESIDUAL_MEDIANS
 from tests.helpers.well_known_scene import HEIGHT, WIDTH, WellKnownScene
 
 BY = Thresholds()
@@ -94,18 +94,6 @@ def test_what_nobody_knows_makes_no_region_and_joins_one():
     assert not with_an_occluder(upper_alone)[27:].any()
 
 
-def test_the_evidence_is_at_most_a_multiple_of_what_is_unexplained():
-    """Of an excess of 0.2: three times 0.02 where the scene is known, half of it elsewhere; all of
-    it where nobody was asked or nobody knows."""
-    values, votes = torch.full((2, 2), 0.2), torch.tensor([[0.2, 0.05], [0.2, 0.05]])
-    excess = Excess(values, torch.tensor(0.01), votes)
-    left = torch.tensor([[0.02, 0.02], [0.9, torch.nan]])
-    evidence, is_known = evidence_of(excess, left)
-    assert torch.allclose(evidence, torch.tensor([[0.06, 0.01], [0.2, 0.2]]))
-    assert is_known.tolist() == [[True, True], [True, False]]
-    assert torch.equal(evidence_of(excess, None)[0], values)
-
-
 def test_of_the_scenes_own_detail_in_another_light_hardly_any_is_in_a_region():
     scene = seen_often()
     y, x = torch.meshgrid(torch.arange(HEIGHT), torch.arange(WIDTH), indexing="ij")
@@ -114,13 +102,3 @@ def test_of_the_scenes_own_detail_in_another_light_hardly_any_is_in_a_region():
     assert taken > 800
     assert scene.find(scene.photo + flare, BY).sum() < 0.1 * taken
     assert scene.find(scene.with_an_occluder(), BY)[12:28, 22:38].all()
-
-
-def test_the_advice_to_raise_strong_excess_helps():
-    """A pale occluder has an excess of 0.18; it has the detail of the scene behind it, which is not
-    asked for here, and so no edge to follow."""
-    for strong, is_found in ((0.12, True), (0.4, False)):
-        by = dataclasses.replace(BY, strong=strong, shared_detail=1.0)
-        scene = seen_often(by)
-        found = scene.find(scene.with_a_pale_one(), by)
-        assert bool(found[16:24, 26:34].all()) == bool(found.any()) == is_found

@@ -41,11 +41,6 @@ def test_a_gpu_takes_the_same_means_by_other_ways(size, monkeypatch):
     torch.testing.assert_close(window_means(means, 3), windows, atol=1e-5, rtol=0)
 
 
-def test_fine_cells_have_half_the_size_but_no_less_than_a_pixel():
-    assert fine_grid_of(1920, 1080) == tuple(2 * n for n in grid_of(1920, 1080))
-    assert fine_grid_of(120, 100) == (120, 100)
-
-
 @pytest.mark.parametrize("size", [3, 13])
 def test_windows_are_averaged_as_far_as_they_are_in_the_image(size):
     cells = torch.rand(2, 9, 11, generator=torch.Generator().manual_seed(0), dtype=torch.float64)
@@ -55,14 +50,6 @@ def test_windows_are_averaged_as_far_as_they_are_in_the_image(size):
             rows, columns = (slice(max(0, k - half), k + half + 1) for k in (i, j))
             means[:, i, j] = cells[:, rows, columns].mean((1, 2))
     torch.testing.assert_close(window_means(cells, size), means)
-
-
-@pytest.mark.parametrize("size", [(80, 120), (77, 111)])
-def test_the_pixels_of_a_region_are_those_of_its_cells(size):
-    regions = torch.zeros(40, 60, dtype=torch.bool)
-    regions[10:20, 30:50] = True
-    rows, columns = (torch.arange(n) * m // n for n, m in zip(size, (40, 60), strict=True))
-    assert torch.equal(region_pixels(regions, *size)[..., 0], regions[rows][:, columns])
 
 
 @pytest.mark.parametrize("size", [(97, 131), (1, 2000)])

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import gc
-import subprocess
-import sys
 import threading
 from collections.abc import Sequence
 
@@ -177,11 +174,22 @@ def swept(views: Cameras, photos: Sequence[PosedPhoto]) -> PlaneSweep:
     return asked
 
 
+def left_in(asked: PlaneSweep, index: int = 0, *device: torch.device) -> torch.Tensor:
+    """What is unexplained of a photo, if anybody is asked."""
+    left = asked.unexplained(index, *device)
+    assert left is not None
+    return left
+
+
+def assert_same(left: torch.Tensor, other: torch.Tensor, atol: float = 0.0) -> None:
+    torch.testing.assert_close(left, other, rtol=0, atol=atol, equal_nan=True)
+
+
 def test_neighbours_and_depths_come_from_the_points():
     views = cameras(*ROW)
     photo, *others = photos_of(views)
-    left = swept(views, [pasted(photo), *others]).unexplained(0)
-    assert left is not None and left.shape == (HEIGHT, WIDTH)
+    left = left_in(swept(views, [pasted(photo), *others]))
+    assert left.shape == (HEIGHT, WIDTH)
     assert inside(left.numpy()).min() > 0.2
     assert np.quantile(left[4:-4, 10:20], 0.95) < 0.03
 
@@ -195,9 +203,7 @@ def test_what_two_neighbours_confirm_most_photos_may_dispute():
 
     def left(with_thing: int, count: int = len(row)) -> np.ndarray:
         photos = [*things[:with_thing], *clean[with_thing:]]
-        found = swept(views, photos[:count]).unexplained(0)
-        assert found is not None
-        return inside(found.numpy())[2:-2, 2:-2]
+        return inside(left_in(swept(views, photos[:count])).numpy())[2:-2, 2:-2]
 
     assert left(3).min() > 0.2
     assert left(3, count=8).max() < 0.05  # seven others are too few to dispute anything
@@ -208,11 +214,8 @@ def test_the_exposure_of_other_photos_is_fitted_away():
     views, gains = cameras(*ROW[:3]), (0.6, 0.7, 0.8)
     photo, *others = photos_of(views)
     exposed = [PosedPhoto((o.colors * gains).astype(np.uint8), o.K, o.viewmat) for o in others]
-    plain = swept(views, [photo, *others]).unexplained(0)
-    left = swept(views, [photo, *exposed]).unexplained(0)
-    assert plain is not None and left is not None
-    # rounded down to 1 of 255 twice, divided by a gain of 0.6
-    torch.testing.assert_close(left, plain, rtol=0, atol=0.015, equal_nan=True)
+    plain, left = (left_in(swept(views, [photo, *some])) for some in (others, exposed))
+    assert_same(left, plain, 0.015)  # rounded down to 1 of 255 twice, divided by a gain of 0.6
 
 
 def test_nobody_is_asked_without_points_photos_or_two_neighbours():
@@ -235,13 +238,10 @@ def test_exposure_is_fitted_to_what_no_mask_leaves_out():
     spoiled = [masked(other, rows, columns) for other in others]
     for other in spoiled:
         other.colors[rows, columns, :3] = 255
-    clean = swept(views, [photo, *others]).unexplained(0)
-    left = swept(views, [photo, *spoiled]).unexplained(0)
-    assert clean is not None and left is not None
+    clean, left = (left_in(swept(views, [photo, *some])) for some in (others, spoiled))
     assert np.quantile(left[4:-4, 32:44], 0.95) < np.quantile(clean[4:-4, 32:44], 0.95) + 0.01
     hidden = [masked(other, rows, slice(0, WIDTH)) for other in others]
-    nobody = swept(views, [photo, *hidden]).unexplained(0)
-    assert nobody is not None and nobody.isnan().all()
+    assert left_in(swept(views, [photo, *hidden])).isnan().all()
 
 
 def test_a_checkpoint_holds_the_photos():
@@ -252,9 +252,7 @@ def test_a_checkpoint_holds_the_photos():
     assert restored.unexplained(0) is None  # what is known before is forgotten
     restored.load(asked.state())
     for index in range(len(ROW)):
-        expected, left = asked.unexplained(index), restored.unexplained(index)
-        assert expected is not None and left is not None
-        torch.testing.assert_close(left, expected, rtol=0, atol=0, equal_nan=True)
+        assert_same(left_in(restored, index), left_in(asked, index))
 
 
 def test_what_is_unexplained_does_not_depend_on_the_order_of_visits_and_is_found_once(monkeypatch):
@@ -264,9 +262,8 @@ def test_what_is_unexplained_does_not_depend_on_the_order_of_visits_and_is_found
     for index in (3, 0, 4, 2, 1):
         other.keep(index, torch.from_numpy(photos[index].colors))
         other.unexplained(index)  # of those that are there; not for long
-    one, same = ordered.unexplained(2), other.unexplained(2)
-    assert one is not None and same is not None
-    torch.testing.assert_close(one, same, rtol=0, atol=0, equal_nan=True)
+    one = left_in(ordered, 2)
+    assert_same(one, left_in(other, 2))
     monkeypatch.setattr(sweep, "unexplained", None)
     assert ordered.unexplained(2) is one
 
@@ -290,35 +287,10 @@ def test_on_a_gpu_a_thread_finds_what_is_found_on_a_cpu(as_on_a_gpu):
     expected, asked = swept(views, photos_of(views)), swept(views, photos_of(views))
     assert not workers()
     for index in (4, 0, 2, 1, 3):  # neither first in, first out, nor what the thread is at
-        one, same = expected.unexplained(index), asked.unexplained(index, as_on_a_gpu)
-        assert one is not None and same is not None
-        torch.testing.assert_close(one, same, rtol=0, atol=0, equal_nan=True)
+        assert_same(left_in(asked, index, as_on_a_gpu), left_in(expected, index))
     for worker in workers():
         worker.join(20)
     assert not workers()
-
-
-def test_the_thread_starts_with_the_last_photo_and_ends_with_who_asks(as_on_a_gpu, monkeypatch):
-    views, at_it, go_on = cameras(*ROW), threading.Event(), threading.Event()
-
-    def slow(*_: object) -> None:
-        at_it.set()
-        assert go_on.wait(20)
-
-    monkeypatch.setattr(PlaneSweep, "_sweep", slow)
-    asked = swept(views, photos_of(views)[:-1])
-    asked._work_ahead(as_on_a_gpu)
-    assert not workers()
-    asked.keep(4, torch.from_numpy(photos_of(views)[-1].colors))
-    asked._work_ahead(as_on_a_gpu)
-    (worker,) = workers()
-    assert at_it.wait(20)
-    done = asked._unexplained
-    del asked
-    gc.collect()
-    go_on.set()
-    worker.join(20)
-    assert not worker.is_alive() and len(done) == 1
 
 
 def test_an_error_of_the_thread_is_one_of_the_step_that_asks(as_on_a_gpu, monkeypatch):
@@ -333,30 +305,3 @@ def test_an_error_of_the_thread_is_one_of_the_step_that_asks(as_on_a_gpu, monkey
         worker.join(20)
     with pytest.raises(ValueError, match="broken"):
         asked.unexplained(1, as_on_a_gpu)
-
-
-@pytest.mark.slow
-def test_a_process_that_ends_does_not_wait_for_all_photos():
-    script = """
-import time, torch
-from desplat_ns.separation import sweep
-from tests.separation.test_sweep import ROW, cameras, photos_of, swept
-sweep.PlaneSweep._sweep = lambda *_: time.sleep(2.0)
-asked = swept(cameras(*ROW * 8), photos_of(cameras(*ROW * 8)))
-asked._work_ahead(torch.device("meta"))
-raise KeyboardInterrupt
-"""
-    ended = subprocess.run(
-        [sys.executable, "-c", script], capture_output=True, text=True, timeout=60, check=False
-    )
-    assert ended.returncode in (-2, 130) and "KeyboardInterrupt" in ended.stderr
-
-
-def test_a_long_sweep_says_so_once(monkeypatch):
-    lines, views = [], cameras(*ROW)
-    monkeypatch.setattr(sweep, "announce", lines.append)
-    monkeypatch.setattr(sweep, "QUIET", 0.0)
-    asked = swept(views, photos_of(views))
-    for index in range(3):
-        asked.unexplained(index)
-    assert len(lines) == 1 and "5 photos" in lines[0]

@@ -152,8 +152,6 @@ class Bounds:
     """By parameter, [N], for the worst component."""
     safe: Tensor
     """[P]."""
-    rho: float
-    """Largest relative error of an alpha that is drawn."""
 
 
 def blend(m: Magnitudes, depths: Tensor, u: float) -> Blend:
@@ -227,7 +225,7 @@ def error_bounds(
     """
     if len(scene.means) == 0:
         nothing = {name: torch.zeros(0) for name in PARAMETERS}
-        return Bounds(torch.zeros_like(factor), nothing, torch.ones(len(factor)).bool(), 0.0)
+        return Bounds(torch.zeros_like(factor), nothing, torch.ones(len(factor)).bool())
     finfo = torch.finfo(dtype)
     u, tiniest = finfo.eps / 2, finfo.tiny * finfo.eps
     m = project(scene, settings)
@@ -259,7 +257,7 @@ def error_bounds(
     gradients["colors"] = SH_MAX * (passed + u * f.lost[:, None] * heard)[:, rgb].amax(-1)
     gradients["means"] += f.turns * (passed + u * (OPS + f.lost[:, None]) * heard)[:, rgb].sum(-1)
     gradients["means"] += passed[:, 4]
-    return Bounds(values, gradients, b.safe, float((rho * drawn).max()))
+    return Bounds(values, gradients, b.safe)
 
 
 def jacobians(scene: TestScene, m: Magnitudes) -> tuple[dict[str, Tensor], dict[str, Tensor]]:

@@ -22,18 +22,11 @@ class Outcome:
     """What must not be drawn is not: radius 0, and gradients of exactly 0."""
     drawn: bool
     """What may be drawn was not culled."""
-    bound: float
-    """Largest relative error that any alpha may have."""
     safe: float
     """Share of pixels that are compared: where nothing lies within rounding of a jump."""
-    value_error: float = float("nan")
-    """Largest over safe pixels, relative to the largest value of its channel; NaN where the dtype
-    cannot hold the scene."""
-    value_share: float = float("nan")
-    """Largest error as a share of its bound; 1 is the promise."""
-    gradient_error: float = float("nan")
-    """Largest, relative to the largest gradient by the same parameter."""
-    gradient_share: float = float("nan")
+    share: float = float("nan")
+    """Largest error of a value or a gradient as a share of its bound; 1 is the promise. NaN where
+    the dtype cannot hold the scene."""
 
 
 def weights(scene: TestScene) -> Tensor:
@@ -72,42 +65,28 @@ def run(case: Case, backend: Backend) -> Outcome:
         culled=bool((got.radii[gone] == 0).all())
         and all(bool((g[gone] == 0).all()) for g in gradients.values()),
         drawn=bool((got.radii[keep] > 0).all()),
-        bound=bounds.rho,
         safe=bounds.safe.double().mean().item(),
     )
     if comparable:
-        compare(outcome, case, bounds, image, {n: g[keep] for n, g in gradients.items()}, factor)
+        kept = {name: gradient[keep] for name, gradient in gradients.items()}
+        outcome.share = largest_share(case, bounds, image, kept, factor)
     return outcome
 
 
-def compare(
-    outcome: Outcome,
-    case: Case,
-    bounds: Bounds,
-    image: Tensor,
-    gradients: dict[str, Tensor],
-    factor: Tensor,
-) -> None:
-    """Fill in errors and shares: against `reference.py` and autograd."""
+def largest_share(
+    case: Case, bounds: Bounds, image: Tensor, gradients: dict[str, Tensor], factor: Tensor
+) -> float:
+    """Of all errors against `reference.py` and autograd over their bounds; 0 / 0 is 0, and any
+    error over a bound of 0 is infinite."""
     scene = case.drawn
     exact = render_reference(scene, case.settings)
     want = torch.cat([exact.rgb, exact.alpha, exact.depth * exact.alpha], dim=-1).reshape(-1, 5)
     if want.requires_grad:
         (want * factor).sum().backward()
-    want = want.detach()
-    error = (image.double() - want).abs() * bounds.safe[:, None]
-    outcome.value_share = share(error, bounds.values)
-    outcome.value_error = (error / want.abs().amax(0).clamp(min=1e-300)).max().item()
-    outcome.gradient_error = outcome.gradient_share = 0.0
+    errors = [((image.double() - want.detach()).abs() * bounds.safe[:, None], bounds.values)]
     for name in PARAMETERS if len(scene.means) else ():
         true = getattr(scene, name).grad
         off = (gradients[name].double() - true).abs().reshape(len(true), -1).amax(-1)
-        outcome.gradient_share = max(outcome.gradient_share, share(off, bounds.gradients[name]))
-        relative = (off.max() / true.abs().max().clamp(min=1e-300)).item()
-        outcome.gradient_error = max(outcome.gradient_error, relative)
-
-
-def share(error: Tensor, bound: Tensor) -> float:
-    """Largest error / bound; 0 / 0 is 0, and any error over a bound of 0 is infinite."""
-    ratio = torch.where(error > 0, error / bound, 0)
-    return ratio.max().item() if ratio.numel() else 0.0
+        errors.append((off, bounds.gradients[name]))
+    shares = [torch.where(error > 0, error / bound, 0) for error, bound in errors]
+    return max(share.max().item() for share in shares if share.numel())

@@ -21,6 +21,7 @@ from desplat_ns.core.run_files import RunFiles
 from desplat_ns.core.whole import plain_errors, whole_folder, write_whole
 from desplat_ns.model import DeSplatModel
 from desplat_ns.photo_tourism.shown_light import mixed_light
+from desplat_ns.tools.export.allowed_views import allowed_views, seen_by_any
 from desplat_ns.tools.export.formats import UPRIGHT, FrameName, Naming, format_of
 from desplat_ns.tools.export.gltf import glb_bytes
 from desplat_ns.tools.export.masks import dilated, distractor_mask, mask_names, photos_on_disk

@@ -5,15 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 import torch
-from PIL import Image
 
 from desplat_ns.core.errors import CaptureError
 from desplat_ns.data.gt_masks import METADATA_KEY
 from desplat_ns.tools.studies.methods import method_config, parse
-from lab.reproduce.baselines import TRIMMED_SHARE, _any_pixel, _trimmed, mask_of, shadow_mask_of
+from lab.reproduce.baselines import TRIMMED_SHARE, _trimmed, mask_of, shadow_mask_of
 
 EFFECTS = "--pipeline.model.effects"
 OFF = (f"{EFFECTS}.auto", "False", f"{EFFECTS}.distractors", "False")
@@ -28,14 +26,6 @@ def test_they_differ_from_plain_splatfacto_in_nothing_but_the_loss(name: str):
     apart = {option for option in masked if plain.get(option) != masked[option]}
     assert apart == {"_target", "by_truth"} and masked["by_truth"] is (name == "by_truth")
     assert off.optimizers == baseline.optimizers
-
-
-def test_a_mask_is_read_as_the_evaluation_reads_it(tmp_path: Path):
-    grey = np.zeros((4, 4), np.uint8)
-    grey[0, 0], grey[3, 3] = 128, 127
-    Image.fromarray(grey).save(tmp_path / "a.png")
-    mask = _any_pixel(tmp_path / "a.png", torch.zeros(2, 2, 3))[..., 0]
-    assert mask.tolist() == [[True, False], [False, False]]
 
 
 @pytest.mark.parametrize(

@@ -6,9 +6,9 @@ import os
 
 import pytest
 
-from lab.stability import catalogue, kills, mutations
+from lab.stability import catalogue, kills
 from lab.stability.catalogue import CASES
-from lab.stability.mutations import Mutation, noticed_by
+from lab.stability.mutations import noticed_by
 from lab.stability.soak import EVERY, Sample, verdict
 
 
@@ -21,7 +21,7 @@ def test_the_catalogue_has_a_row_for_each_case_and_finds_the_one_beyond_its_boun
 
     def beyond(*arguments):
         outcome = run(*arguments)
-        outcome.value_share = 1.5
+        outcome.share = 1.5
         return outcome
 
     monkeypatch.setattr(catalogue, "run", beyond)
@@ -68,10 +68,3 @@ def test_what_fails_is_named_and_what_passes_is_not(tmp_path):
     assert noticed_by("test_one.py", tmp_path) == ("test_one.py::test_sum", True)
     assert noticed_by("test_two.py", tmp_path) == ("NOBODY", False)
     assert "NOT TRIED" in noticed_by("nowhere.py", tmp_path)[0]
-
-
-def test_a_line_that_is_gone_is_said(monkeypatch):
-    gone = Mutation("gone", "errors.py", "no such line", "", "tests/core/test_errors.py")
-    monkeypatch.setattr(mutations, "MUTATIONS", (gone,))
-    text, is_kept = mutations.measured()
-    assert "errors.py has no such line" in text and not is_kept

@@ -40,14 +40,3 @@ def test_light_is_ambient_in_shadow_and_adds_the_sun_outside():
     assert in_shadow(points, Casters([ball])).tolist() == [True, False]
     colors = shade(ground, points, Casters([ball]))
     np.testing.assert_allclose(colors[0], [AMBIENT, min(1, AMBIENT + DIRECT * SUN[2])], rtol=1e-6)
-
-
-def test_points_along_rays_project_back_to_the_samples():
-    rays = CAMERA.rays(3)
-    points = CAMERA.position[:, None] + 2.5 * rays.reshape(3, -1).astype(np.float64)
-    (x, y), depth = CAMERA.project(points)
-    np.testing.assert_allclose(depth, 2.5, rtol=1e-6)
-    columns, rows = np.meshgrid(np.arange(48 * 3), np.arange(32 * 3))
-    # float32 rays: 1e-6 of 50 pixels, times a few operations.
-    np.testing.assert_allclose(x, (columns.ravel() + 0.5) / 3, atol=1e-4)
-    np.testing.assert_allclose(y, (rows.ravel() + 0.5) / 3, atol=1e-4)
