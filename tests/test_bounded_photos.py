@@ -6,14 +6,17 @@ import copy
 import dataclasses
 import shutil
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+import psutil
 import pytest
 
 from desplat_ns.core.errors import CaptureError
 from desplat_ns.data.colmap import DeSplatColmapDataParserConfig
 from desplat_ns.data.photo_cache import BoundedPhotos
+from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
 from desplat_ns.training.datamanager import DeSplatDataManager, DeSplatDataManagerConfig
 from lab.pictures import write_image
 from tests.helpers.lenses import BARREL, distort
@@ -67,6 +70,15 @@ def test_photos_and_cameras_are_those_that_upstream_holds(data: Path, lens, is_m
 def assert_same_view(view: Any, other: Any) -> None:
     assert_same(view[1], other[1])
     assert_same(vars(view[0]), vars(other[0]))
+
+
+@pytest.mark.parametrize(("free", "is_bounded"), [(10**6, False), (37_000, True)])
+def test_what_the_machine_can_spare_decides(tiny_scene, monkeypatch, free, is_bounded):
+    """8 photos of 4,608 bytes are 36,864; other programs need memory as well."""
+    memory = SimpleNamespace(available=free, total=free)
+    monkeypatch.setattr(psutil, "virtual_memory", lambda: memory)
+    photos = manager(RobustNerfDataParserConfig(data=tiny_scene.folder)).cached_train
+    assert isinstance(photos, BoundedPhotos) == is_bounded
 
 
 def run_of(tiny_run, output: Path, data: Path, bound: float | None, name: str) -> Any:

@@ -67,3 +67,10 @@ def test_the_distractors_and_the_composite_are_outputs_of_their_own():
     expected = torch.tensor([[[0.25, 0.75, 0], [0.75, 0.125, 0.125]]])
     assert torch.equal(outputs["rgb_composite"], expected)
     assert outputs["distractor_mask"].flatten().tolist() == [False, True]
+
+
+def test_the_static_scene_lies_over_the_background():
+    outputs = outputs_of(layer([2.0, 0, 0], [0.0, 0.25, 1.0]))
+    expected = torch.tensor([[[0, 0, 1.0], [0.5, 0, 0.75], [1.0, 0, 0]]])  # cut off at 1
+    assert torch.equal(outputs["rgb"], expected)
+    assert "depth" not in outputs

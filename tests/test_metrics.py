@@ -94,11 +94,14 @@ def test_without_weights_lpips_is_none_and_says_why_once(
 
 
 def test_lpips_is_built_when_first_called_and_no_checkpoint_holds_it(monkeypatch):
+    built = []
+
     class Distance(nn.Module):
         """Stands in for torchmetrics' metric."""
 
         def __init__(self, *args: object, **kwargs: object) -> None:
             super().__init__()
+            built.append((*args, kwargs))
             self.weights = nn.Parameter(torch.ones(1))
 
         def forward(self, truth: torch.Tensor, pred: torch.Tensor) -> torch.Tensor:
@@ -113,6 +116,9 @@ def test_lpips_is_built_when_first_called_and_no_checkpoint_holds_it(monkeypatch
     distance = model.lpips(*_planes())
     assert distance is not None and distance.item() == pytest.approx(0.25)
     assert not model.state_dict() and not list(model.parameters())
+    model.lpips.use("vgg")
+    model.lpips(*_planes())
+    assert built == [(net, {"normalize": True}) for net in ("alex", "vgg")]  # as by splatfacto
 
 
 @pytest.mark.parametrize(

@@ -31,6 +31,8 @@ def test_visits_are_counted_in_steps_of_the_run_whatever_its_length(steps, views
     assert run.distractors.warmup * scale <= MAX_WARMUP_VISITS * views + 1
     every = run.distractors.steps_between_refinements(views, scale)
     assert every * scale >= SEPARATING.refine_visits * views - 1
+    intervals = {run_of(steps, views, refine_every=n).reset_every for n in (10, 1000)}
+    assert intervals == {3000}, "resets keep their place whatever the interval"
 
 
 def test_memory_is_a_ceiling_whatever_the_capture_could_hold(monkeypatch):

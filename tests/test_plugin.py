@@ -108,3 +108,10 @@ def test_a_run_goes_on_when_what_reads_its_output_ends():
         process.stdin.write(b"go\n")
         process.stdin.close()
         assert process.wait(120) == 7
+
+
+@pytest.mark.parametrize("seed_points", [None, (_points(), COLORS)])
+def test_a_random_start_stays_random(seed_points: Any):
+    model = _model(seed_points, random_init=True)
+    assert model.means.shape == (50, 3)
+    assert model.features_dc.shape == (50, 3)

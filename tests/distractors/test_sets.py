@@ -10,6 +10,7 @@ from desplat_ns.cameras.views import view_of
 from desplat_ns.distractors.config import DistractorConfig, rates_at
 from desplat_ns.distractors.distractors import Distractors
 from desplat_ns.gaussians.activation import keep_colors_in_range
+from tests.helpers.stub_run import assert_same
 
 STATIC = SplatfactoModelConfig()
 
@@ -81,3 +82,27 @@ def test_colours_that_left_the_range_come_back_to_its_border():
         rgbs.copy_(torch.tensor([[-0.5, 0.5, 1.5], [0.0, 1.0, 2.0]]))
     keep_colors_in_range(distractors.views[1].params)
     assert torch.equal(rgbs, torch.tensor([[0.0, 0.5, 1.0], [0.0, 1.0, 1.0]]))
+
+
+def stepped(distractors: DistractorGaussians, view: int) -> None:
+    """One step of Adam on a view, by gradients of 1."""
+    gaussians = distractors.views[view]
+    gaussians.begin_step(rates_at(0))
+    torch.stack([p.sum() for p in gaussians.params.values()]).sum().backward()
+    for optimizer in gaussians.optimizers.values():
+        optimizer.step()
+
+
+def test_a_checkpoint_brings_moments_back_also_through_a_second_one():
+    source = DistractorGaussians(DistractorConfig(per_view=4), cameras())
+    stepped(source, 0)
+    source.views[0].refinement = 3
+    target = source
+    for _ in range(2):
+        saved, target = target.state_dict(), DistractorGaussians(DistractorConfig(), cameras())
+        target.load_state_dict(saved)
+    assert target.views[0].refinement == 3
+    for either in (source, target):
+        stepped(either, 0)
+        stepped(either, 1)
+    assert_same(dict(source.state_dict()), dict(target.state_dict()))

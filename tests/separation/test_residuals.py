@@ -119,3 +119,15 @@ def test_what_is_masked_not_seen_or_beyond_the_image_learns_nothing_of_the_visit
     memory.see(torch.rand(ROWS, COLUMNS) + 0.1, counted)
     assert torch.equal(before[kept], memory.residual_medians[kept])
     assert (before != memory.residual_medians)[~kept].float().mean() > 0.9
+
+
+def test_what_is_masked_has_no_part_in_the_level_and_no_excess():
+    """Three quarters of the view: enough to be taken for the view, if it counted."""
+    residual, counted = flat(), torch.ones(ROWS, COLUMNS, dtype=torch.bool)
+    residual[:16], counted[:16] = 0.3, False
+    residual[18, 20] = 0.2
+    excess = Memory().see(residual, counted)
+    assert (excess[:16] == 0).all()
+    assert excess[18, 20] == pytest.approx(0.18)
+    assert excess[16:].median() == pytest.approx(0, abs=1e-7)
+    assert Memory().see(residual)[18, 20] < 0
