@@ -20,8 +20,8 @@ from desplat_ns.core.errors import DeSplatError
 
 CONSOLE = Console(highlight=False)
 
-STEP = re.compile(r"^(\d+) \(\d+\.\d+%\)")
-"""How nerfstudio 1.1.5 begins a line about a training step."""
+STEP = re.compile(r"^Step ([\d,]+) of ")
+"""How a line about a training step begins."""
 
 
 class DemoError(DeSplatError):
@@ -93,7 +93,7 @@ def execute(line: Sequence[object], log: Path, label: str, steps: int = 1) -> No
             file.write(text)
             last.append(text.rstrip())
             if found := STEP.match(text):
-                advance_to(int(found[1]), steps)
+                advance_to(int(found[1].replace(",", "")), steps)
     if process.returncode != 0:
         raise DemoError("\n".join([*last, f"{typed}\nfailed. Its whole log: {shown(log)}"]))
 

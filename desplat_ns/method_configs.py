@@ -6,7 +6,7 @@ effects that a survey of the capture asks for; `desplat-phototourism` has those 
 from __future__ import annotations
 
 import torch
-from nerfstudio.configs.base_config import MachineConfig
+from nerfstudio.configs.base_config import LocalWriterConfig, LoggingConfig, MachineConfig
 from nerfstudio.engine.schedulers import ExponentialDecaySchedulerConfig
 from nerfstudio.plugins.types import MethodSpecification
 
@@ -122,6 +122,8 @@ def _method(
             method_name=name,
             machine=MachineConfig(device_type="cuda" if torch.cuda.is_available() else "cpu"),
             max_num_iterations=0 if visits > 0 else steps,
+            # the trainer says where it stands
+            logging=LoggingConfig(local_writer=LocalWriterConfig(enable=False), profiler="none"),
             nominal_num_iterations=steps,
             full_rate_visits=FULL_RATE_VISITS if visits > 0 else 0.0,
             visits=visits,

@@ -138,17 +138,6 @@ def train_on_where_logs_cannot_be_written() -> None:
     CONSOLE.on_broken_pipe = turn_to_dev_null
 
 
-def announce_above_the_table(line: str) -> None:
-    """Announce a line that stays while training goes on, and begin a new table below it.
-
-    nerfstudio 1.1.5 (writer.py, `LocalWriter`) draws its table anew over what was printed last.
-    """
-    announce(line)
-    for table in (w for w in writer.EVENT_WRITERS if isinstance(w, writer.LocalWriter)):
-        del table.past_mssgs[2 : len(table.past_mssgs) - table.banner_len]
-        table.has_printed = False
-
-
 def where_to_render(backend: BackendName, device: str | torch.device) -> str | torch.device:
     """The device for a trained model: the CPU where its backend cannot draw on the given one.
 

@@ -17,7 +17,9 @@ import tyro
 from lab.synthetic import write_scene
 from tests.helpers.registered import EIGHT_VIEWS
 
-PROGRAM = re.compile(r"(?:ns|desplat)-[a-z-]+$|make$|(?:.*/)?python[\d.]*$|(?:.*/)?pip$|uv$")
+PROGRAM = re.compile(
+    r"(?:ns|desplat)-[a-z-]+$|desplat$|make$|(?:.*/)?python[\d.]*$|(?:.*/)?pip$|uv$"
+)
 
 
 @dataclass(frozen=True)

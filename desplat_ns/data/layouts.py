@@ -127,6 +127,11 @@ def recognise(data: Path) -> Recognition:
     return replace(taken, others=tuple(others))
 
 
+def is_capture(data: Path) -> bool:
+    """Whether a path is a folder, or a transforms.json, in which photos have poses."""
+    return (data.is_dir() or data.suffix == ".json") and bool(_readings(data))
+
+
 def _readings(data: Path) -> list[Recognition]:
     found = [(row[:3], row[3](data)) for row in LAYOUTS]
     return [Recognition(data, *layout, *what) for layout, what in found if what is not None]

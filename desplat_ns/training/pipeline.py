@@ -14,16 +14,16 @@ from nerfstudio.pipelines.base_pipeline import VanillaPipeline, VanillaPipelineC
 from torch import Tensor
 from torchvision.utils import save_image
 
+from desplat_ns.core.console import announce
 from desplat_ns.core.cores import leave_cores_to_others
 from desplat_ns.core.errors import CheckpointError
 from desplat_ns.core.run_files import found
 from desplat_ns.data.training_views import image_names
-from desplat_ns.evaluation.config import EvaluationConfig
+from desplat_ns.evaluation.config import EvaluationConfig, in_words
 from desplat_ns.evaluation.evaluate import Show, evaluate, evaluate_in_training
 from desplat_ns.model import DeSplatModel
 from desplat_ns.model_config import DeSplatModelConfig
 from desplat_ns.plugin import (
-    announce_above_the_table,
     give_masks_a_colormap_in_the_viewer,
     load_evaluated_checkpoints_like_resumed_ones,
     use_ffmpeg_of_imageio,
@@ -127,7 +127,7 @@ class DeSplatPipeline(VanillaPipeline):
         results = self._evaluated(data_loader, split.image_filenames, save, in_full=get_std)
         if step is not None and image_prefix == "eval" and "psnr" in results:
             photos = f"{results['num_images']} held-out photos"
-            announce_above_the_table(f"Step {step:,}: {results['psnr']:.2f} dB on {photos}.")
+            announce(f"Step {step:,}: {in_words(results)} on {photos}.")
         return results
 
     def evaluate_held_out(self, show: Show) -> dict[str, Any]:

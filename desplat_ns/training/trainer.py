@@ -25,6 +25,8 @@ from nerfstudio.engine.trainer import Trainer
 from nerfstudio.utils import writer
 from nerfstudio.utils.decorators import check_main_thread
 from nerfstudio.utils.misc import step_check
+from rich.live import Live
+from rich.text import Text
 from torch.optim.lr_scheduler import LambdaLR
 
 from desplat_ns.backend.registry import compile_kernels
@@ -37,13 +39,13 @@ from desplat_ns.core.checkpoint import (
     save_atomically,
     step_of,
 )
-from desplat_ns.core.console import TOLD_EVERY, about, announce
+from desplat_ns.core.console import CONSOLE, TOLD_EVERY, TOLD_FROM, about, announce
 from desplat_ns.core.errors import CaptureError, CheckpointError, ConfigError
 from desplat_ns.core.optimizers import follow, load_moments, optimizer_options, set_position
 from desplat_ns.core.run_files import SURVEY
 from desplat_ns.core.schedule import RunStep, Schedule, early_rate_factor, rate_factor, seconds_of
 from desplat_ns.core.whole import plain_errors
-from desplat_ns.plugin import announce_above_the_table, train_on_where_logs_cannot_be_written
+from desplat_ns.plugin import train_on_where_logs_cannot_be_written
 from desplat_ns.training import resume
 from desplat_ns.training.clock import TIMED_FROM, Clock
 from desplat_ns.training.datamanager import DeSplatDataManagerConfig, training_split
@@ -84,8 +86,6 @@ class DeSplatTrainer(Trainer):
         self, config: DeSplatTrainerConfig, local_rank: int = 0, world_size: int = 1
     ) -> None:
         super().__init__(config, local_rank, world_size)
-        table = config.logging.local_writer  # its time left is that of steps as they are now
-        table.stats_to_track = tuple(s for s in table.stats_to_track if s != writer.EventName.ETA)
         train_on_where_logs_cannot_be_written()
         self._steps_done = 0
         self._saved: SavedRun | None = None
@@ -94,12 +94,16 @@ class DeSplatTrainer(Trainer):
         self._started = process_started()
         self._plan: dict[str, int] = {}  # steps and size of photos of a run with a budget
         self._budget_is_up = False
-        self._most = self._total = 0  # steps in all that are allowed, and aimed at
+        self._most = self.total = 0  # steps in all that are allowed, and aimed at
         self._prices: tuple[float, ...] = ()
         self._clock: Clock | None = None
         self._last_end = self._last_told = 0.0
+        self._line = Live(console=CONSOLE, auto_refresh=False, transient=True)
         self._folder_lock = ExitStack()
         self._save_by = 0.0
+        self.seconds_left: float | None = None
+        """Until the last step, as it was told last."""
+        self.says_what_is_next = True
 
     # --- before the first step ---------------------------------------------------------------
 
@@ -124,7 +128,7 @@ class DeSplatTrainer(Trainer):
             capture = cache(partial(training_split, manager))
             findings = config.decide_effects(self._saved, capture)
             config.settle_length(capture)
-            self._most = self._total = config.max_num_iterations
+            self._most = self.total = config.max_num_iterations
             if config.budget and self._saved is not None:
                 self._take_up_budget(*self._saved)
             super().setup(test_mode)
@@ -219,7 +223,7 @@ class DeSplatTrainer(Trainer):
         """Give the run the length and the size of photos of a plan; config.yml has them then."""
         config, model = self.config, self._model_config
         self._plan = {"steps": steps, "downscale": downscale}
-        config.max_num_iterations = self._total = steps
+        config.max_num_iterations = self.total = steps
         model.train_downscale = downscale
         model.schedule_scale = min(1.0, steps / config.nominal_num_iterations)
         config.steps_per_eval_batch = config.steps_per_eval_image = 0
@@ -233,11 +237,11 @@ class DeSplatTrainer(Trainer):
     def _aim(self, clock: Clock, step: int) -> None:
         """Let the run, and its schedules, end with as many steps as fit into the time left."""
         schedule, at = self.pipeline.model.schedule, RunStep(step)
-        fit = clock.steps_in(self._time_left, self._steps_done, self._total)
-        self._total = min(self._most, fit)
-        if self._total > self._steps_done:
+        fit = clock.steps_in(self._time_left, self._steps_done, self.total)
+        self.total = min(self._most, fit)
+        if self.total > self._steps_done:
             end = self._plan["steps"] / schedule.scale
-            schedule.aim(at, schedule.nominal(at), self._total, end)
+            schedule.aim(at, schedule.nominal(at), self.total, end)
 
     def _prices_of_steps(self, each: int) -> tuple[float, float]:
         """Prices for a `Clock`, from steps on photos of the smallest and of the largest size that
@@ -274,7 +278,8 @@ class DeSplatTrainer(Trainer):
         return max(0.0, whole - pixel * pixels / last**2), pixel
 
     def _tell_time(self, step: int, began: float) -> None:
-        """Learn from a step that began at a time, and say once a minute what is left."""
+        """Learn from a step that began at a time, and say what is left: on a terminal in a line
+        that is rewritten, in a log once a minute and at each tenth of the run."""
         now, clock = self._seconds(), self._clock
         # what lies between two steps can be a pause, or an evaluation
         seconds, self._last_end = min(now - self._last_end, 3 * (now - began)), now
@@ -283,9 +288,16 @@ class DeSplatTrainer(Trainer):
         clock.after_step(step, seconds)
         if self._plan and int(now) > int(now - seconds):  # once a second
             self._aim(clock, step)
-        if now - self._last_told >= TOLD_EVERY and step + 1 < self._total:
-            self._last_told, left = now, about(clock.left(step + 1, self._total))
-            announce_above_the_table(f"Step {step + 1:,} of {self._total:,}, {left} left.")
+        done, total, waited = step + 1, self.total, now - self._last_told
+        is_tenth = 10 * done // total > 10 * step // total
+        every = TOLD_FROM if is_tenth else TOLD_EVERY
+        if done < total and waited >= (1.0 if CONSOLE.is_terminal else every):
+            self._last_told, self.seconds_left = now, clock.left(done, total)
+            line = f"Step {done:,} of {total:,}, {about(self.seconds_left)} left."
+            if CONSOLE.is_terminal:
+                self._line.update(Text(line), refresh=True)
+            else:
+                announce(line)
 
     def _seconds(self) -> float:
         """Since the command began, without compiling; of a run that goes on all that is spent."""
@@ -313,15 +325,15 @@ class DeSplatTrainer(Trainer):
             self._clock, self._last_told = Clock(self.pipeline, *self._prices), self._seconds()
             if self._plan:
                 self._aim(self._clock, done)
-            left = self._clock.left(done, self._total)
-            steps = f"{self._total - done:,} steps"
+            left = self._clock.left(done, self.total)
+            steps = f"{self.total - done:,} steps"
             announce(f"{about(left).capitalize()} on this machine for {steps}.")
         # nerfstudio 1.1.5 trains as many steps *more*; only its loop is to see the smaller number
         self.config = copy.copy(whole)
         self.config.max_num_iterations = most - done
         self._save_by = time.monotonic() + MOST_UNSAVED
         try:
-            with on_stop_signal(self._stop_after_this_step):
+            with on_stop_signal(self._stop_after_this_step), self._line:
                 super().train()
         except CaptureError:
             self.stop_training = True
@@ -333,7 +345,7 @@ class DeSplatTrainer(Trainer):
         finally:
             self._folder_lock.close()
             self.config = whole
-        if self._ran_to_its_end and not whole.viewer.quit_on_train_completion:
+        if self.ran_to_its_end and not whole.viewer.quit_on_train_completion:
             with suppress(KeyboardInterrupt):
                 self._train_complete_viewer()
 
@@ -347,7 +359,7 @@ class DeSplatTrainer(Trainer):
         self._tell_time(step, began)
         if self._stop_is_asked or self.optimizers.exhausted:
             self.stop_training = True  # nerfstudio clears it once its viewer is filled
-        if self._plan and (self._steps_done >= self._total or self._time_left <= 0):
+        if self._plan and (self._steps_done >= self.total or self._time_left <= 0):
             self._budget_is_up = self.stop_training = True
         return loss.detach(), {name: term.detach() for name, term in terms.items()}, metrics
 
@@ -363,6 +375,7 @@ class DeSplatTrainer(Trainer):
         if not any(step_check(step, n) for n in (*intervals, config.steps_per_eval_all_images)):
             return
         state = resume.rng_state()
+        self._line.stop()  # evaluation has a bar of its own
         try:
             with self.pipeline.static_scene():
                 super().eval_iteration(step)
@@ -372,6 +385,7 @@ class DeSplatTrainer(Trainer):
             raise
         finally:
             resume.restore_rng(state)
+            self._line.start()
 
     def _after_train(self) -> None:
         """Save and report, in place of nerfstudio's; raise the guard's error if it stopped the run.
@@ -389,13 +403,15 @@ class DeSplatTrainer(Trainer):
         writer.write_out_storage()
         for callback in self.callbacks:
             callback.run_callback_at_location(self.step, TrainingCallbackLocation.AFTER_TRAIN)
-        if not self._ran_to_its_end:
+        if not self.ran_to_its_end:
             announce(f"Stopped. {self._how_to_go_on()}")
             return
         model, config = self.pipeline.model, quote(str(self.base_dir / "config.yml"))
         announce(f"{self._steps_done} steps: {len(model.gauss_params['means'])} static Gaussians.")
         for line in model.found_in_the_way():
             announce(line)
+        if not self.says_what_is_next:
+            return
         announce(f"Next: desplat-report --load-config {config}")
         announce(f"      desplat-export page --load-config {config} --output scene.html")
 
@@ -409,7 +425,7 @@ class DeSplatTrainer(Trainer):
         )
 
     @property
-    def _ran_to_its_end(self) -> bool:
+    def ran_to_its_end(self) -> bool:
         """Whether the run ended by itself: it was not told to stop."""
         return not self.stop_training or self._budget_is_up
 
@@ -472,8 +488,8 @@ class DeSplatTrainer(Trainer):
         reached = state.get("nominal", schedule.nominal(done))
         if self._plan:
             end = total / schedule.scale
-            self._total = done + math.ceil((end - reached) * schedule.scale)
-            schedule.aim(done, reached, self._total, end)
+            self.total = done + math.ceil((end - reached) * schedule.scale)
+            schedule.aim(done, reached, self.total, end)
         elif schedule.go_on(done, reached, total):
             announce(
                 f"The run was planned for more steps. The {total - done} steps that are left go "

@@ -123,20 +123,19 @@ def test_what_gaussians_count_for_has_the_same_bits_on_any_number_of_threads(mon
     logits = 3 * torch.randn(65_537, 1, generator=torch.Generator().manual_seed(0))
     places, radii = 30 * torch.rand(1, len(logits), 2), torch.ones(len(logits)).int()
     config = DistractorConfig(start="residual", static_warmup=5)
-    gaussians = DistractorGaussians(config, cameras())
-    at_hand = DistractorLayer(gaussians, config, DeSplatModelConfig(), cameras(), None)
+    at_hand = Distractors(config, DeSplatModelConfig(), cameras()[torch.zeros(5).long()])
 
     def compare(photo: torch.Tensor, static: StaticView, *rest: Any) -> Any:
         seen.append(static.opacities)
         return decide.compare(photo, static, *rest)
 
-    monkeypatch.setattr(layer, "compare", compare)
+    monkeypatch.setattr(module, "compare", compare)
     try:
         for threads in (1, 2):
             torch.set_num_threads(threads)
             step = scene.train_step(0, scene.photo)
             step.static = replace(scene.drawn, means2d=places, radii=radii)
-            at_hand.update_regions(step, None, logits, {}, None)
+            at_hand.look(step, logits, {})
     finally:
         torch.set_num_threads(before)
     assert torch.equal(*seen)

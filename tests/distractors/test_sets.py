@@ -84,7 +84,7 @@ def test_colours_that_left_the_range_come_back_to_its_border():
     assert torch.equal(rgbs, torch.tensor([[0.0, 0.5, 1.0], [0.0, 1.0, 1.0]]))
 
 
-def stepped(distractors: DistractorGaussians, view: int) -> None:
+def stepped(distractors: Distractors, view: int) -> None:
     """One step of Adam on a view, by gradients of 1."""
     gaussians = distractors.views[view]
     gaussians.begin_step(rates_at(0))
@@ -94,12 +94,12 @@ def stepped(distractors: DistractorGaussians, view: int) -> None:
 
 
 def test_a_checkpoint_brings_moments_back_also_through_a_second_one():
-    source = DistractorGaussians(DistractorConfig(per_view=4), cameras())
+    source = Distractors(DistractorConfig(per_view=4), STATIC, cameras())
     stepped(source, 0)
     source.views[0].refinement = 3
     target = source
     for _ in range(2):
-        saved, target = target.state_dict(), DistractorGaussians(DistractorConfig(), cameras())
+        saved, target = target.state_dict(), Distractors(DistractorConfig(), STATIC, cameras())
         target.load_state_dict(saved)
     assert target.views[0].refinement == 3
     for either in (source, target):

@@ -52,7 +52,7 @@ def contents(**changes: Any) -> dict[str, Any]:
         "steps": 2000,
         "num_photos": 3,
         "counts": {"num_static_gaussians": 1200, "num_distractor_gaussians": 340},
-        "planned": 2000,
+        "verdict": [],
         "distractors": DistractorConfig(start="residual"),
         "disputed": None,
         "alone": {"photo_1.png": 0.2},

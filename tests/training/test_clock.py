@@ -17,11 +17,15 @@ SIZE, VIEWS, STEPS, START, WARMUP = 100_000, 40, 1_000, 5_000, 6_000
 FIXED, PIXEL = 0.02, 1e-6
 
 
-def a_run(downscale: Callable[..., float] = lambda *_: 1, layer: Any = None, most=10**9) -> Any:
+def a_run(
+    downscale: Callable[..., float] = lambda *_: 1, distractors: Any = None, most=10**9
+) -> Any:
     """What a clock asks of a pipeline: a run of `STEPS` steps that has done none."""
     config = SimpleNamespace(downscale_factor=downscale, stop_split_at=15_000)
     config.distractors = SimpleNamespace(warmup=WARMUP)
-    model = SimpleNamespace(config=config, schedule=Schedule(STEPS / 30_000), layer=layer)
+    model = SimpleNamespace(
+        config=config, schedule=Schedule(STEPS / 30_000), distractors=distractors
+    )
     model.nominal_step, model.num_train_data = 0, VIEWS
     model.strategy = SimpleNamespace(most=most)
     model.gauss_params = {"means": range(START)}
@@ -45,7 +49,7 @@ def test_larger_photos_that_are_coming_and_the_end_of_growth_are_counted():
 
 def test_distractors_and_the_first_looks_come_after_the_warm_up():
     plain, layered = (
-        Clock(a_run(most=START, layer=layer), FIXED, PIXEL) for layer in (None, object())
+        Clock(a_run(most=START, distractors=some), FIXED, PIXEL) for some in (None, object())
     )
     after = STEPS * (1 - WARMUP / 30_000) * LAYER * SIZE + VIEWS * LOOK
     assert layered.left(0, STEPS) - plain.left(0, STEPS) == pytest.approx(PIXEL * after, rel=1e-2)

@@ -9,18 +9,19 @@ from typing import Any
 import pytest
 
 from desplat_ns.core.checkpoint import load_newest
+from desplat_ns.core.schedule import seconds_of
 from desplat_ns.training import clock
 from desplat_ns.training import trainer as trainer_module
 from desplat_ns.training.pipeline import DeSplatPipeline
 from tests.helpers.registered import set_up
 from tests.helpers.stub_run import assert_same
 
-SECONDS = 10.0
+SECONDS = 10.1
 
 
 @pytest.fixture
 def timed(tiny_run, tmp_path, monkeypatch) -> Any:
-    """Trains the tiny scene after trial steps, each step in ten seconds of a clock of its own."""
+    """Trains the tiny scene after trial steps, each step in `SECONDS` of a clock of its own."""
     now = [0.0]
     losses = DeSplatPipeline.get_train_loss_dict
 
@@ -53,16 +54,22 @@ def test_trial_steps_change_no_bit_of_what_is_trained(timed, monkeypatch):
     assert_same(with_trial, without)
 
 
-def test_time_is_told_before_the_first_step_and_then_each_minute(timed, capsys):
-    trainer = timed()
+@pytest.mark.parametrize(
+    ("tenths_from", "steps"),
+    [(60.0, [6, 12, 18]), (5.0, [3, 5, 8, 10, 12, 15, 17, 20, 22])],
+    ids=["each minute", "each tenth"],
+)
+def test_time_is_told_before_the_first_step_and_then(
+    timed, tenths_from, steps, capsys, monkeypatch
+):
+    monkeypatch.setattr(trainer_module, "TOLD_FROM", tenths_from)
+    timed()
     lines = capsys.readouterr().out
     assert "About 4 min on this machine for 24 steps." in lines
-    told = re.findall(r"Step (\d+) of 24, about (\d+) (s|min)( 30 s)? left", lines)
-    assert [int(step) for step, *_ in told] == [6, 12, 18]
-    for step, number, unit, half in told:
-        left = int(number) * (60 if unit == "min" else 1) + 30 * bool(half)
-        assert left == pytest.approx(SECONDS * (24 - int(step)), abs=15)
-    assert not any("ETA" in s.value for s in trainer.config.logging.local_writer.stats_to_track)
+    told = re.findall(r"Step (\d+) of 24, about (.*) left", lines)
+    assert [int(step) for step, *_ in told] == steps
+    for step, left in told:
+        assert seconds_of(left) == pytest.approx(SECONDS * (24 - int(step)), abs=15)
 
 
 def test_a_run_that_goes_on_tells_what_is_left(timed, capsys):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shlex
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from statistics import fmean
 from typing import Any
@@ -18,6 +19,7 @@ from desplat_ns.evaluation.evaluate import gaussian_counts
 from desplat_ns.tools.loading import LoadedRun, even_subset, load_run
 from desplat_ns.tools.pages import fitted_into, template
 from desplat_ns.tools.report.pictures import ERROR_TOP, held_out_photos, marked, training_photos
+from desplat_ns.tools.report.verdict import verdict
 from desplat_ns.tools.report.views import disputed_places, seen_alone
 from desplat_ns.tools.scene.gather import scene_of
 from desplat_ns.tools.scene.page import scene_html
@@ -36,8 +38,9 @@ most of them."""
 
 def write_report(
     files: RunFiles, output: Path, most_training: int, most_held_out: int, with_scene: bool
-) -> None:
-    """Write the page of a run, and say where; arguments as of the command. Raises DeSplatError."""
+) -> dict[str, Any]:
+    """Write the page of a run, and say where; arguments as of the command. Returns what it shows
+    (`shown_of`). Raises DeSplatError."""
     run, scene = load_run(files), ""
     shown = shown_of(run, most_training, most_held_out)
     if with_scene:
@@ -52,6 +55,7 @@ def write_report(
     with plain_errors(output):
         write_whole(output, content)
     announce(f"Saved the page to: {output} ({len(content) / 1e6:.1f} MB)")
+    return shown
 
 
 def shown_of(run: LoadedRun, most_training: int, most_held_out: int) -> dict[str, Any]:
@@ -61,14 +65,17 @@ def shown_of(run: LoadedRun, most_training: int, most_held_out: int) -> dict[str
     num_photos = len(manager.train_image_names)
     photos = list(training_photos(pipeline, even_subset(num_photos, most_training)))
     results, held_out = held_out_photos(pipeline, most_held_out)
-    survey = run.files.folder / SURVEY
+    planned = None if config.budget else config.max_num_iterations
+    survey, findings = run.files.folder / SURVEY, None
+    with suppress(OSError, ValueError):  # a run may have none
+        findings = json.loads(survey.read_text("utf8"))
     return {
         "experiment": str(config.experiment_name),
         "method": str(config.method_name),
         "capture": str(config.pipeline.datamanager.data or ""),
         "config": shlex.quote(str(run.files.config)),
         "steps": run.steps,
-        "planned": None if config.budget else config.max_num_iterations,
+        "verdict": [*verdict(run.steps, planned, num_photos, results)],
         "num_photos": num_photos,
         "counts": gaussian_counts(model.gauss_params, model.distractors),
         "training": photos,
@@ -78,7 +85,7 @@ def shown_of(run: LoadedRun, most_training: int, most_held_out: int) -> dict[str
         "disputed": disputed_places(model.means, [p.unlike for p in photos if p.unlike]),
         "alone": seen_alone(pipeline),
         "effects": model.effects,
-        "survey": json.loads(survey.read_text("utf8")) if survey.is_file() else None,
+        "survey": findings,
         "in_the_way": model.photos_with_distractors(),
     }
 

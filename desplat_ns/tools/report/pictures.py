@@ -19,6 +19,7 @@ from desplat_ns.cameras.views import view_of
 from desplat_ns.core.console import progress_over
 from desplat_ns.distractors.distractors import apply_mask
 from desplat_ns.tools.pages import LARGEST_SIDE, Picture, over_checkerboard, shrunk, to_rgb8
+from desplat_ns.tools.report.verdict import detail_kept
 from desplat_ns.tools.report.views import Unlike, unlike_in
 from desplat_ns.tools.scene.gather import Rgb, training_images
 from desplat_ns.training.pipeline import DeSplatPipeline
@@ -100,15 +101,20 @@ def held_out_photos(
     if most == 0:
         return {}, []
     worst: list[tuple[float, int, Rgb, Rgb]] = []
+    detail: dict[int, float] = {}
 
     def keep(index: int, beside: Tensor) -> None:
         photo, rendering = np.split(to_rgb8(beside.cpu().numpy()), 2, axis=1)
         error = float(np.square(photo.astype(np.float32) - rendering).mean())
+        detail[index] = detail_kept(photo, rendering)
         worst.append((error, index, photo, rendering))
         worst.sort(key=lambda entry: -entry[0])
         del worst[most:]  # full pictures of hundreds of photos would be gigabytes
 
+    pipeline.model.lpips.reason = "a report does without: its network is 230 MB to fetch"
     results, shown = pipeline.evaluate_held_out(keep), []
+    for index, image in enumerate(results["images"]):
+        image["detail"] = detail[index]
     for _, index, photo, rendering in worst:
         figures = results["images"][index]
         pixels = {"photo": photo, "rendering": rendering, "error": error_map(photo, rendering)}

@@ -29,7 +29,7 @@ def covered(*shares: float) -> list[Any]:
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"planned": 12_000}, ["2,000 of 12,000", "--load-dir"]),
+        ({"verdict": [("Blurred.", "Train on.")]}, ["Blurred.", "Train on."]),
         ({"training": covered(0.7, 0.1, 0.1)}, ["1 of 3", "0.png", "strong-excess (now"]),
         ({"training": covered(0.7, 0.9, 0.1)}, ["2 of 3", "1.png, 0.png", "affine", "lambda-d"]),
         ({"training": covered(0.0, 0.0)}, ["strong-excess"]),
@@ -45,7 +45,7 @@ def test_what_stands_out_is_said_with_what_to_try(changes: dict[str, Any], words
 
 @pytest.mark.parametrize(
     "changes",
-    [{}, {"distractors": None, "training": covered(0.0)}, {"steps": 12_000, "planned": None}],
+    [{}, {"distractors": None, "training": covered(0.0)}],
 )
 def test_where_nothing_stands_out_nothing_is_said(changes: dict[str, Any]):
     assert said(**changes) == []

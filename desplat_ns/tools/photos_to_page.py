@@ -1,0 +1,170 @@
+"""The way from photos to pages in one process; each part is made where it is missing.
+
+OUTPUT/capture                      photos with poses, if PHOTOS has none
+OUTPUT/training/METHOD/run          the trained run
+OUTPUT/preview.html                 to look at while it trains
+OUTPUT/report.html, scene.html      pages about the run, and of the scene itself
+OUTPUT/scene.ply, masks/            for other programs
+OUTPUT/desplat.json                 what was asked for, and what is done
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from nerfstudio.engine.callbacks import TrainingCallback, TrainingCallbackLocation
+from nerfstudio.scripts.train import _set_random_seed
+
+from desplat_ns.core.checkpoint import checkpoints_in
+from desplat_ns.core.console import about, announce, time_in_words
+from desplat_ns.core.errors import ConfigError
+from desplat_ns.core.run_files import RunFiles, find_run
+from desplat_ns.core.whole import only_process_in, write_whole
+from desplat_ns.data.layouts import is_capture
+from desplat_ns.evaluation.config import in_words
+from desplat_ns.tools.commands.export import Masks, Page, Splats
+from desplat_ns.tools.preview import Preview
+from desplat_ns.tools.process.request import Request
+from desplat_ns.tools.report.page import write_report
+from desplat_ns.tools.studies.methods import parse
+
+RECORD = "desplat.json"
+PAGES_SHARE = 0.2
+"""Of a budget, or of the time of the training, for pages and files: they took 0.1 to 0.2 of it."""
+MOST_TRAINING, MOST_HELD_OUT = 50, 12
+"""Photos in the report."""
+
+
+def make(photos: Path, output: Path, method: str, budget: float | None) -> None:
+    """Make what is missing in `output`, and say what came out.
+
+    Args:
+        photos: a folder of photos, a video, a capture, or a run's config.yml.
+        budget: seconds of all parts together; None for as many steps as the photos ask for.
+
+    Raises:
+        ConfigError: `output` holds something else, or the output of other photos.
+        DeSplatError: as of the parts; what is done is kept.
+        SystemExit: training was stopped.
+    """
+    began = time.monotonic()
+    with only_process_in(output), _record(output, photos) as done:
+        if photos.name == "config.yml":
+            files = find_run(photos)
+        else:
+            capture = photos if is_capture(photos) else _posed(photos, output / "capture")
+            files = _trained(capture, output, method, budget, began, done)
+        for line in _pages(files, output, done):
+            announce(line)
+    announce(f"Done in {time_in_words(time.monotonic() - began)}.")
+
+
+@contextmanager
+def _record(output: Path, photos: Path) -> Iterator[dict[str, Any]]:
+    """What is done in `output`, kept in `RECORD` as it changes. Raises ConfigError where the folder
+    holds something else, or the output of other photos."""
+    path, source = output / RECORD, str(photos.resolve())
+    if path.is_file():
+        done = json.loads(path.read_text("utf8"))
+        if done["photos"] != source:
+            raise ConfigError(
+                f"'{output}' holds what was made of {done['photos']}. Name another folder."
+            )
+    elif others := [at.name for at in output.iterdir() if not at.name.endswith(".in-use")]:
+        raise ConfigError(
+            f"'{output}' holds something else ({others[0]}). Name a new or an empty folder."
+        )
+    else:
+        done = {"photos": source}
+    try:
+        yield done
+    finally:
+        write_whole(path, json.dumps(done, indent=1).encode())
+
+
+def _posed(photos: Path, capture: Path) -> Path:
+    announce("Part 1 of 3: where was each photo taken?")
+    Request(photos, capture).main()
+    return capture
+
+
+def _trained(
+    capture: Path,
+    output: Path,
+    method: str,
+    budget: float | None,
+    began: float,
+    done: dict[str, Any],
+) -> RunFiles:
+    """The run of a method on a capture, trained to its end."""
+    folder = output / "training" / method / "run"
+    trained, saved = done.setdefault("trained", {}), folder / "nerfstudio_models"
+    if method in trained:
+        return find_run(folder / "config.yml")
+    announce("Part 2 of 3: training. Ctrl+C stops it, and keeps what is trained.")
+    options = ["--data", str(capture), "--output-dir", str(output), "--vis", "tensorboard"]
+    options += ["--experiment-name", "training", "--timestamp", "run"]
+    if budget is not None:
+        left = budget * (1 - PAGES_SHARE) - (time.monotonic() - began)
+        options += ["--budget", f"{max(1.0, left):.0f}s"]
+    if checkpoints_in(saved):
+        options += ["--load-dir", str(saved)]
+    config, began = parse(method, options), time.monotonic()
+    config.pipeline.datamanager.data = config.data
+    config.print_to_terminal()
+    _set_random_seed(config.machine.seed)
+    trainer = config.setup(local_rank=0, world_size=1)
+    trainer.says_what_is_next = False
+    trainer.setup()
+    preview = Preview(output / "preview.html", trainer)
+    after_step = [TrainingCallbackLocation.AFTER_TRAIN_ITERATION]
+    trainer.callbacks.append(TrainingCallback(after_step, preview.after_step))
+    announce(f"To look at meanwhile: {preview.path.resolve().as_uri()}")
+    trainer.train()
+    if not trainer.ran_to_its_end:
+        announce("The same command goes on.")
+        raise SystemExit(130)
+    trained[method], done["seconds"] = budget, round(time.monotonic() - began)
+    return find_run(folder / "config.yml")
+
+
+def _pages(files: RunFiles, output: Path, done: dict[str, Any]) -> Iterator[str]:
+    """Write pages and files that are not newer than the run's checkpoint; lines on what came out,
+    the most important last."""
+    seconds = f", {about(PAGES_SHARE * done['seconds'])} at most" if "seconds" in done else ""
+    announce(f"Part 3 of 3: pages and files{seconds}.")
+    trained = max(path.stat().st_mtime for path in checkpoints_in(files.checkpoints))
+    shown: dict[str, Any] = {}
+
+    def report(at: Path) -> None:
+        shown.update(write_report(files, at, MOST_TRAINING, MOST_HELD_OUT, True))
+
+    writers: dict[str, Callable[[Path], None]] = {
+        "report.html": report,
+        "scene.html": lambda at: Page(files.config, output=at, overwrite=True).main(),
+        "scene.ply": lambda at: Splats(files.config, output=at, overwrite=True).main(),
+        "masks": lambda at: Masks(files.config, output=at, overwrite=True).main(),
+    }
+    for name, write in writers.items():
+        at = output / name
+        if at.exists() and at.stat().st_mtime >= trained:
+            continue
+        try:
+            write(at)
+        except ConfigError as error:  # of a run without distractors
+            if name != "masks":
+                raise
+            announce(str(error), warning=True)
+    if shown:
+        yield f"{shown['steps']:,} steps on {shown['num_photos']} photos."
+        if shown["results"]:
+            yield f"Photos that were held out: {in_words(shown['results'])}."
+        yield from (f"- {what} {cure}" for what, cure in shown["verdict"])
+    yield f"Look at it, in any browser: {(output / 'report.html').resolve().as_uri()}"
+    yield f"Walk around in it:          {(output / 'scene.html').resolve().as_uri()}"
+    yield f"For other programs: {output / 'scene.ply'}, {output / 'masks'}"

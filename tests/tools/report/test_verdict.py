@@ -1,0 +1,42 @@
+"""How good a scene is said to be, and why."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+from desplat_ns.tools.report.verdict import detail_kept, verdict
+
+
+def photo() -> np.ndarray:
+    noise = np.random.default_rng(0).integers(0, 256, (240, 320, 3), dtype=np.uint8)
+    return cv2.GaussianBlur(noise, (0, 0), 0.7)
+
+
+def test_detail_is_lost_by_blur_and_not_by_light():
+    by_blur = [detail_kept(photo(), cv2.GaussianBlur(photo(), (0, 0), s)) for s in (0.5, 1, 2)]
+    assert 1 > by_blur[0] > 2 * by_blur[1] > 4 * by_blur[2] > 0
+    assert detail_kept(photo(), photo()) == 1
+    assert detail_kept(photo(), (photo() * 0.9).astype(np.uint8)) == pytest.approx(0.81, abs=0.01)
+
+
+def scores(*psnrs: float, detail: float = 0.5) -> dict[str, Any]:
+    images = [{"name": f"{i}.jpg", "psnr": psnr, "detail": detail} for i, psnr in enumerate(psnrs)]
+    return {"images": images}
+
+
+def said(results: dict[str, Any], steps=3000, planned: int | None = 3000, photos=30) -> list[str]:
+    return [what for what, cure in verdict(steps, planned, photos, results) if cure]
+
+
+def test_causes_come_before_consequences():
+    assert said(scores(25, 26, 27)) == [] == said({})
+    (stopped,) = said(scores(18, 19, detail=0.1), steps=372)
+    assert stopped.startswith("The run has 372 of 3,000 steps") and "blurred" in stopped
+    (blurred,) = said(scores(18, 19, detail=0.1), steps=600, planned=None)
+    assert "blurred" in blurred and "20 times" in blurred
+    few, far = said(scores(25, 26, 19.9), photos=5)
+    assert few.startswith("5 photos") and far.startswith("2.jpg")
