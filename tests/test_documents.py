@@ -100,7 +100,7 @@ def test_every_command_in_the_documents_is_taken_by_its_program(
     assert len(by_words) > 40
     for command in by_words.values():
         program, words = command.program, command.words[1:]
-        if program.startswith(("ns-", "desplat-")):
+        if program.startswith(("ns-", "desplat")):
             parse(command)
         elif program == "make":
             for target in (word for word in words if "=" not in word):

@@ -36,6 +36,28 @@ def found(path: Path) -> Path:
     return path if path.exists() else next((end for end in ends if end.exists()), path)
 
 
+OUTPUTS, DEPTH = Path("outputs"), 4
+"""Where `ns-train` puts runs, and how far below it their folders are: experiment/method/time."""
+
+
+def newest_run(path: Path) -> Path:
+    """config.yml of a run that a path stands for: the path itself; of a folder the run in it, or
+    below it, that was saved last; of a capture that of its name in `OUTPUTS`. The path where there
+    is none."""
+
+    def saved(config: Path) -> float:
+        checkpoints = config.parent.glob("[!.]*/step-*.ckpt")
+        return max((path.stat().st_mtime for path in checkpoints), default=0.0)
+
+    for place in (path, OUTPUTS / path.resolve().name):
+        if not place.is_dir():
+            continue
+        configs = [at for depth in range(DEPTH) for at in place.glob("*/" * depth + "config.yml")]
+        if any(map(saved, configs)):
+            return max(configs, key=saved)
+    return path
+
+
 def find_run(config: Path, data: Path | None = None) -> RunFiles:
     """The files of the run that a config.yml belongs to; checkpoints lie in a folder beside it,
     wherever the run's folder was moved.
@@ -56,8 +78,9 @@ def find_run(config: Path, data: Path | None = None) -> RunFiles:
         is_ours = False
     if not is_ours:
         raise ConfigError(
-            f"'{config}' is not the config.yml of a run of desplat, or cannot be read. Give what "
-            "`ns-train desplat` wrote: outputs/<experiment>/<method>/<timestamp>/config.yml."
+            f"'{config}' is not the config.yml of a run of desplat, or cannot be read, and no run "
+            "is below it. Give what `ns-train desplat` wrote: the folder "
+            "outputs/<experiment>/<method>/<timestamp>, or one around it."
         )
     saved = sorted(config.parent.glob("[!.]*/step-*.ckpt"))
     if not saved:

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from desplat_ns.core.errors import CheckpointError, ConfigError
-from desplat_ns.core.run_files import find_run, found
+from desplat_ns.core.run_files import find_run, found, newest_run
 
 CONFIG = """!!python/object:desplat_ns.training.trainer.DeSplatTrainerConfig
 experiment_name: yard
@@ -67,3 +67,15 @@ def test_what_is_not_there_a_folder_or_a_pipe_is_named(tmp_path: Path):
     for path in (tmp_path / "absent.yml", tmp_path / "pipe.yml", tmp_path):
         with pytest.raises(ConfigError, match=path.name):
             find_run(path)
+
+
+def test_a_folder_stands_for_the_run_that_was_saved_last(tmp_path: Path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    first, second = (write_run(Path("outputs/yard") / run) for run in ("desplat/a", "quick/b"))
+    unsaved = write_run(Path("outputs/yard/desplat/c"), checkpoint=False)
+    os.utime(second.parent / "models/step-000000001.ckpt", (2e9, 2e9))
+    for path in ("outputs", "outputs/yard", "captures/yard", "outputs/yard/quick/b"):
+        assert newest_run(Path(path)) == second
+    assert newest_run(Path("outputs/yard/desplat")) == newest_run(first) == first
+    assert newest_run(unsaved.parent) == unsaved.parent
+    assert newest_run(Path("elsewhere")) == Path("elsewhere")

@@ -13,22 +13,26 @@ import tyro
 from desplat_ns.core.console import announce
 from desplat_ns.core.errors import ConfigError, begin_run
 from desplat_ns.core.options import check_ranges
-from desplat_ns.core.run_files import RunFiles, find_run
+from desplat_ns.core.run_files import OUTPUTS, RunFiles, find_run, newest_run
 
 
 @dataclass
 class OfRun:
     """The options of a command that takes a trained run; its own have names, too."""
 
-    load_config: Path
-    """config.yml of the run."""
+    load_config: Path = OUTPUTS
+    """config.yml of the run, or a folder: the run in it, or below it, that was saved last is taken.
+    A capture stands for its runs in `outputs`."""
     data: Path | None = None
     """Folder of the capture, if it is not where it was trained on."""
 
     def find(self) -> RunFiles:
         """The run's files, once the options are in their ranges. Raises DeSplatError."""
         check_ranges(self)
-        return find_run(self.load_config, self.data)
+        config = newest_run(self.load_config)
+        if config != self.load_config:
+            announce(f"The run of {config}.")
+        return find_run(config, self.data)
 
 
 def run(command: Any, **options: Any) -> None:
