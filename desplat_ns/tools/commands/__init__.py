@@ -10,6 +10,7 @@ from typing import Any
 
 import tyro
 
+from desplat_ns import __version__
 from desplat_ns.core.console import announce
 from desplat_ns.core.errors import ConfigError, begin_run
 from desplat_ns.core.options import check_ranges
@@ -37,8 +38,7 @@ class OfRun:
 
 def run(command: Any, **options: Any) -> None:
     """Read a dataclass's options, or a union's, by `tyro.cli` with `options`; call its `main`."""
-    begin_run()
-    name = Path(sys.argv[0]).name
+    name = _begin()
     parsed = tyro.cli(command, prog=name, **options)
     _say_what_begins(name, parsed)
     parsed.main()
@@ -47,10 +47,20 @@ def run(command: Any, **options: Any) -> None:
 def run_on_capture(command: Any, name: str) -> None:
     """As `run`, for a command whose options a data parser's name and options may follow; `main` is
     given these words. They are not looked at here: nerfstudio takes seconds to import."""
-    begin_run()
+    _begin()
     options, words = split_words(command, name, sys.argv[1:])
     _say_what_begins(name, options)
     options.main(words)
+
+
+def _begin() -> str:
+    """The command's name; `--version` says what is installed, and ends it."""
+    begin_run()
+    name = Path(sys.argv[0]).name
+    if "--version" in sys.argv[1:]:
+        print(f"{name} {__version__}")
+        raise SystemExit(0)
+    return name
 
 
 def _say_what_begins(name: str, options: Any) -> None:

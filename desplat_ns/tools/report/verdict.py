@@ -11,8 +11,8 @@ import numpy as np
 from jaxtyping import UInt8
 
 BLURRED = 0.25
-"""Share of the photos' finest detail in renderings, below which a scene looks blurred. After an
-eighth of a run it is 0.08 to 0.1, at the end 0.5 (docs/research/tried.md)."""
+"""Share of the photos' finest detail in renderings, below which a scene looks blurred. Shares of
+finished and unfinished runs: docs/guides/results.md, "The report"."""
 FEW_PHOTOS = 8
 FAR_BELOW = 4.0
 """dB below the median of the held-out photos."""
