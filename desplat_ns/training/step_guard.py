@@ -7,7 +7,6 @@ stays: not in parameters and moments, not in what densification and placement re
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from functools import reduce
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +15,7 @@ from jaxtyping import Float
 from nerfstudio.engine.optimizers import Optimizers
 from torch import Tensor, nn
 from torch.cuda.amp.grad_scaler import GradScaler
+from torch.nn.utils import get_total_norm
 from torch.optim import Optimizer
 
 from desplat_ns.core.console import announce
@@ -92,7 +92,7 @@ class GuardedOptimizers(Optimizers):
 def sum_of_squares(tensors: list[Tensor]) -> Float[Tensor, ""]:
     """Sum of squares of all values: not finite if one of them is not, or is so large (1.8e19 in
     float32) that Adam's second moment would stay infinite and the parameter never move again."""
-    return reduce(torch.add, [torch.dot(t.flatten(), t.flatten()) for t in tensors])
+    return get_total_norm(tensors).square()
 
 
 @torch.no_grad()
@@ -102,4 +102,4 @@ def is_sound(losses: Iterable[Tensor], optimizers: Iterable[Optimizer]) -> bool:
     groups = [group for each in optimizers for group in each.param_groups]
     gradients = [p.grad for group in groups for p in group["params"] if p.grad is not None]
     values = [*losses, *([sum_of_squares(gradients)] if gradients else [])]
-    return not values or bool(reduce(torch.add, values).isfinite())
+    return not values or bool(torch.stack(values).sum().isfinite())

@@ -72,5 +72,7 @@ def test_nothing_is_mixed_with_other_files(tmp_path: Path):
     record.write_text(json.dumps({"photos": "/elsewhere"}))
     with pytest.raises(ConfigError, match="elsewhere"):
         PhotosToPage(tmp_path / "photos", record.parent).main()
+    with pytest.raises(ConfigError, match="among the photos"):
+        PhotosToPage(tmp_path / "photos", tmp_path / "photos/out").main()
     with pytest.raises(CaptureError, match="nowhere"):
         PhotosToPage(tmp_path / "nowhere").main()

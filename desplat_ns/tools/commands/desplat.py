@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -9,7 +10,7 @@ from typing import Annotated, Literal
 
 import tyro
 
-from desplat_ns.core.errors import CaptureError
+from desplat_ns.core.errors import CaptureError, ConfigError
 from desplat_ns.core.options import check_ranges
 from desplat_ns.core.schedule import seconds_of
 from desplat_ns.tools.commands import run
@@ -40,6 +41,11 @@ class PhotosToPage:
             raise CaptureError(f"There is no '{self.photos}'. Name a folder of photos, or a video.")
         budget = seconds_of(self.budget) if self.budget else None
         output = self.output or Path(f"desplat-{self.photos.resolve().stem}")
+        if output.resolve().is_relative_to(self.photos.resolve()):
+            raise ConfigError(
+                f"'{output}' would lie among the photos. Name another folder, for example: "
+                f"desplat {shlex.quote(str(self.photos))} ../{output.name}"
+            )
 
         from desplat_ns.tools.photos_to_page import make  # seconds: not before the checks
 
