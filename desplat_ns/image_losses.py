@@ -24,6 +24,9 @@ from desplat_ns.losses import (
 from desplat_ns.model_config import DeSplatModelConfig
 from desplat_ns.step import Step
 
+LAMBDA_BG = 0.15
+"""Weight of L_bg, Eq. 12. B.3."""
+
 
 def image_losses(
     step: Step, outputs: dict[str, Any], config: DeSplatModelConfig, effects: Effects
@@ -55,10 +58,10 @@ def image_losses(
             losses["static_transparency"] = own.lambda_s * transparency
     if sky != "off":
         assert step.behind is not None
-        explained = explained_by_background(step.behind, step.photo, config.background.max_error)
+        explained = explained_by_background(step.behind, step.photo)
         explained = explained if mask is None else explained & mask
         opacity = background_opacity_loss(alpha_d, alpha_s, explained)
-        losses["background_opacity"] = config.background.lambda_bg * opacity
+        losses["background_opacity"] = LAMBDA_BG * opacity
     return losses
 
 

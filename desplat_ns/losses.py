@@ -17,6 +17,10 @@ from desplat_ns.photo_tourism.camera_response import PRIOR_STD
 EXPLAINED_SHARE = 0.6
 """Share of a pixel's 3 x 3 neighbours that the background has to explain. Eq. 9."""
 
+MAX_ERROR = 0.003
+"""T_eps of Eq. 10 (colours in [0, 1]): how well the background alone has to explain a pixel for
+Gaussians there to be unwanted. B.3."""
+
 RESPONSE_OBSERVATIONS = 1000
 """Independent errors that a training photo counts for beside the prior of its camera's response."""
 
@@ -113,7 +117,9 @@ def camera_response_loss(
 
 @torch.no_grad()
 def explained_by_background(
-    background: Float[Tensor, "*background 3"], photo: Float[Tensor, "H W 3"], max_error: float
+    background: Float[Tensor, "*background 3"],
+    photo: Float[Tensor, "H W 3"],
+    max_error: float = MAX_ERROR,
 ) -> Bool[Tensor, "H W 1"]:
     """The set P: pixels with M > 0.6, M being the share of 3 x 3 pixels of small error.
 

@@ -113,12 +113,9 @@ class DeSplatModel(SplatfactoModel):
             cull_to_the_end=config.cull_to_the_end,
             verbose=False,
         )
-        self.image_effects = ImageEffects(
-            effects, config.appearance, config.background, num_views, config.sh_degree
-        )
+        self.image_effects = ImageEffects(effects, config.appearance, num_views, config.sh_degree)
         if self.image_effects.appearance is not None:
-            frequencies = config.appearance.fourier_frequencies
-            features = fourier_features(self.means.detach(), frequencies)
+            features = fourier_features(self.means.detach())
             self.gauss_params[FEATURES] = nn.Parameter(features)
         self.shown_light = ShownLight(self.names if effects.image_light else [])
         self.distractors = None

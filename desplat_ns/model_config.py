@@ -20,7 +20,7 @@ from desplat_ns.core.schedule import (
 )
 from desplat_ns.distractors.config import DistractorConfig
 from desplat_ns.gaussians.strategy import UNLIMITED
-from desplat_ns.photo_tourism.config import AppearanceConfig, BackgroundConfig
+from desplat_ns.photo_tourism.config import AppearanceConfig
 
 BYTES_A_GAUSSIAN = 4 * 59 * 8
 """Memory of one more static Gaussian in training, float32: 3 numbers of its place, 3 of its size, 4
@@ -48,8 +48,6 @@ class DeSplatModelConfig(SplatfactoModelConfig):
     """Which effects the scene calls for."""
     appearance: AppearanceConfig = field(default_factory=AppearanceConfig)
     """Per-image appearance, where `effects.appearance` has it."""
-    background: BackgroundConfig = field(default_factory=BackgroundConfig)
-    """Background model, where `effects.background` has it."""
     backend: BackendName = "auto"
     """Rasterizer. auto takes gsplat on CUDA, and numba on the CPU."""
     schedule_scale: float | None = ranged(None, "(0, inf)")

@@ -45,7 +45,6 @@ PARTS = {
     "--pipeline.model.": "Static scene and backend",
     "--pipeline.model.distractors.": "Distractors",
     "--pipeline.model.appearance.": "Appearance",
-    "--pipeline.model.background.": "Background",
     "--pipeline.datamanager.": "Photos in memory",
     "--pipeline.evaluation.": "Evaluation\n\nSaved with the run; `desplat-eval` can change them "
     "later.",
@@ -61,6 +60,7 @@ DATAPARSERS = {
 }
 
 COMMANDS = {
+    "desplat": "commands.desplat:PhotosToPage",
     "desplat-process": "process.request:Request",
     "desplat-survey": "commands.survey:Arguments",
     "desplat-eval": "commands.evaluate:Evaluate",

@@ -41,7 +41,7 @@ from desplat_ns.losses import (
     static_transparency_loss,
 )
 from desplat_ns.photo_tourism.appearance import fourier_features
-from desplat_ns.photo_tourism.config import AppearanceConfig, BackgroundConfig
+from desplat_ns.photo_tourism.config import AppearanceConfig
 from desplat_ns.photo_tourism.image_effects import ImageEffects
 from desplat_ns.separation import decide
 from desplat_ns.separation.decide import StaticView, Thresholds
@@ -170,8 +170,8 @@ def test_layers_and_losses_stay_on_the_gpu():
 def test_appearance_and_background_stay_on_the_gpu(appearance):
     effects = Effects(appearance=appearance, background="image")
     with torch.device("cuda"):
-        model = ImageEffects(effects, AppearanceConfig(), BackgroundConfig(), 4, sh_degree=3)
-    features = fourier_features(cuda(N, 3), AppearanceConfig().fourier_frequencies)
+        model = ImageEffects(effects, AppearanceConfig(), 4, sh_degree=3)
+    features = fourier_features(cuda(N, 3))
     assert_on_cuda(*model.parameters(), features)
     for embedding in (model.of(2), model.mean()):
         coefficients = Splats(cuda(N, 3), cuda(N, 4), cuda(N, 3), cuda(N), cuda(N, 16, 3), 2)

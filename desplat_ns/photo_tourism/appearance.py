@@ -21,6 +21,9 @@ from desplat_ns.backend.spherical_harmonics import C0
 from desplat_ns.cameras.in_view import in_view
 from desplat_ns.photo_tourism.config import AppearanceConfig
 
+FREQUENCIES = 4
+"""Frequencies of the Fourier features at which each Gaussian's own features z_i start; B.3: 4,
+which makes 24 of them, sine and cosine along three axes."""
 EMBEDDING_DIM = 32
 """Numbers that describe an image, e_j (B.3). The background reads them, too."""
 
@@ -41,7 +44,9 @@ Lit = Callable[[Tensor], Splats]
 """From an embedding [E] to the Gaussians in its light; colours out of view mean nothing."""
 
 
-def fourier_features(points: Float[Tensor, "N 3"], frequencies: int) -> Float[Tensor, "N Z"]:
+def fourier_features(
+    points: Float[Tensor, "N 3"], frequencies: int = FREQUENCIES
+) -> Float[Tensor, "N Z"]:
     """Sines and cosines of pi 2^m p for m = 0 .. frequencies - 1; Z = 6 frequencies.
 
     p are the points, centred on their mean and divided by the `CENTRAL_QUANTILE` of their largest
@@ -151,7 +156,7 @@ class AffineAppearance(_Appearance):
 
     def __init__(self, config: AppearanceConfig):
         """Build the MLP; until it is trained, beta = 0 and gamma = 1."""
-        super().__init__(config, 6 * config.fourier_frequencies + 3, 6)
+        super().__init__(config, 6 * FREQUENCIES + 3, 6)
 
     def tones(
         self,
@@ -209,7 +214,7 @@ class ShAppearance(_Appearance):
     def __init__(self, config: AppearanceConfig, sh_degree: int):
         """Build the MLP; until it is trained, it adds 0."""
         self.num_bases = (sh_degree + 1) ** 2
-        super().__init__(config, 6 * config.fourier_frequencies, 3 * self.num_bases)
+        super().__init__(config, 6 * FREQUENCIES, 3 * self.num_bases)
 
     def forward(
         self,

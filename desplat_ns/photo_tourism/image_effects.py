@@ -30,7 +30,7 @@ from desplat_ns.photo_tourism.camera_response import (
     camera_response,
     squared_radius,
 )
-from desplat_ns.photo_tourism.config import AppearanceConfig, BackgroundConfig
+from desplat_ns.photo_tourism.config import AppearanceConfig
 
 FEATURES = "appearance_features"
 """Name of z_i among the static Gaussians' parameters, where every split, clone and prune finds
@@ -54,14 +54,12 @@ class ImageEffects(nn.Module):
         self,
         effects: Effects,
         appearance: AppearanceConfig,
-        background: BackgroundConfig,
         num_images: int,
         sh_degree: int,
     ):
         """Build what `effects` asks for; `sh_degree` is of the static Gaussians. Raises ConfigError
         for sizes that no model can have."""
         check_ranges(appearance, "--pipeline.model.appearance")
-        check_ranges(background, "--pipeline.model.background")
         super().__init__()
         self.responses: nn.Parameter | None = None
         """Of the cameras [V, 5]."""

@@ -212,7 +212,10 @@ def verdict(found: dict[str, Any]) -> tuple[str, bool]:
         f"damaged, {found['most_files']} lay in the folder at most, and the run ended "
         f"{'to the last bit' if found['same_bits'] else 'NOT'} where an uninterrupted one ends."
     )
-    is_kept = min(lost) >= 0 and max(lost) <= STEPS_PER_SAVE and found["most_files"] <= MOST_FILES
+    # the first save, after step number STEPS_PER_SAVE of 0, 1, ..., has one step more before it
+    most = [STEPS_PER_SAVE + (kept == 0) for _, _, kept in found["kills"]]
+    is_kept = all(0 <= steps <= bound for steps, bound in zip(lost, most, strict=True))
+    is_kept = is_kept and found["most_files"] <= MOST_FILES
     has_trained = sum(trained for trained, *_ in found["kills"]) >= len(lost) // 2
     return text, is_kept and has_trained and found["damaged"] == 0 and found["same_bits"]
 

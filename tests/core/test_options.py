@@ -34,8 +34,6 @@ from tests.helpers.registered import set_up
         ("pipeline.model.distractors.lambda_s", -5.0),
         ("pipeline.model.distractors.static_warmup", -5),
         ("pipeline.model.distractors.static_warmup", 20_000),
-        ("pipeline.model.background.lambda_bg", -5.0),
-        ("pipeline.model.background.max_error", math.nan),
         ("pipeline.datamanager.photo_memory", 0.0),
     ],
 )

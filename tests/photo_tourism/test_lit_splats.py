@@ -11,7 +11,7 @@ import torch
 from desplat_ns.backend.protocol import RenderSettings, Splats, View
 from desplat_ns.backend.registry import resolve
 from desplat_ns.core.effects import Effects
-from desplat_ns.photo_tourism.config import AppearanceConfig, BackgroundConfig
+from desplat_ns.photo_tourism.config import AppearanceConfig
 from desplat_ns.photo_tourism.image_effects import ImageEffects
 
 NUM, FEATURES = 200, 24
@@ -23,7 +23,7 @@ CONFIG = AppearanceConfig()
 def effects_of(appearance: Any) -> ImageEffects:
     torch.manual_seed(0)
     effects = Effects(appearance=appearance)
-    built = ImageEffects(effects, CONFIG, BackgroundConfig(), 3, 3)
+    built = ImageEffects(effects, CONFIG, 3, 3)
     for parameter in built.parameters():
         parameter.data += 0.2 * torch.randn(parameter.shape)
     return built

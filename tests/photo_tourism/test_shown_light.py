@@ -5,7 +5,7 @@ import torch
 
 from desplat_ns.core.effects import Effects
 from desplat_ns.core.errors import ConfigError
-from desplat_ns.photo_tourism.config import AppearanceConfig, BackgroundConfig
+from desplat_ns.photo_tourism.config import AppearanceConfig
 from desplat_ns.photo_tourism.image_effects import ImageEffects
 from desplat_ns.photo_tourism.shown_light import VARIABLE, ShownLight, mixed_light
 
@@ -15,8 +15,7 @@ NAMES = ["a.jpg", "b:1.jpg", "c.jpg"]
 @pytest.fixture
 def lights() -> ImageEffects:
     torch.manual_seed(0)
-    configs = AppearanceConfig(), BackgroundConfig()
-    return ImageEffects(Effects(appearance="affine"), *configs, 3, 3)
+    return ImageEffects(Effects(appearance="affine"), AppearanceConfig(), 3, 3)
 
 
 def test_an_image_of_its_own_else_the_average(lights):
