@@ -70,11 +70,13 @@ def _record(output: Path, photos: Path) -> Iterator[dict[str, Any]]:
     holds something else, or the output of other photos."""
     path, source = output / RECORD, str(photos.resolve())
     if path.is_file():
-        done = json.loads(path.read_text("utf8"))
-        if done["photos"] != source:
-            raise ConfigError(
-                f"'{output}' holds what was made of {done['photos']}. Name another folder."
-            )
+        try:
+            done = json.loads(path.read_text("utf8"))
+            made_of = done["photos"]
+        except (ValueError, LookupError, TypeError) as error:
+            raise ConfigError(f"{path} is damaged ({error}). Name another folder.") from error
+        if made_of != source:
+            raise ConfigError(f"'{output}' holds what was made of {made_of}. Name another folder.")
     elif others := [at.name for at in output.iterdir() if not at.name.endswith(".in-use")]:
         raise ConfigError(
             f"'{output}' holds something else ({others[0]}). Name a new or an empty folder."
@@ -152,7 +154,8 @@ def _pages(files: RunFiles, output: Path, done: dict[str, Any]) -> Iterator[str]
     }
     for name, write in writers.items():
         at = output / name
-        if at.exists() and at.stat().st_mtime >= trained:
+        is_of_this_run = done.get("pages") == str(files.config)
+        if is_of_this_run and at.exists() and at.stat().st_mtime >= trained:
             continue
         try:
             write(at)
@@ -160,6 +163,7 @@ def _pages(files: RunFiles, output: Path, done: dict[str, Any]) -> Iterator[str]
             if name != "masks":
                 raise
             announce(str(error), warning=True)
+    done["pages"] = str(files.config)
     if shown:
         yield f"{shown['steps']:,} steps on {shown['num_photos']} photos."
         if shown["results"]:
