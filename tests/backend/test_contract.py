@@ -39,7 +39,7 @@ FLIP_BUDGET = 0.1
 """Share of pixels that may lie within rounding of a jump."""
 
 
-def check(backend: Backend, scene: TestScene, settings: RenderSettings = DEPTH) -> None:
+def assert_agrees(backend: Backend, scene: TestScene, settings: RenderSettings = DEPTH) -> None:
     """Compare colour, alpha and depth, and the gradients of a random linear functional of them."""
     truth = scene.to(torch.float64)
     want = render_reference(truth, settings)
@@ -68,12 +68,12 @@ def check(backend: Backend, scene: TestScene, settings: RenderSettings = DEPTH) 
         part = getattr(got, name)
         (part * factor.to(part)).sum().backward(retain_graph=name != "depth")
     for name in PARAMETERS:
-        check_close(name, getattr(leaves, name).grad, getattr(truth, name).grad, allowed)
+        assert_close(name, getattr(leaves, name).grad, getattr(truth, name).grad, allowed)
     assert got.means2d.grad is not None
-    check_close("means2d", got.means2d.grad[0], want.means2d.grad, allowed)
+    assert_close("means2d", got.means2d.grad[0], want.means2d.grad, allowed)
 
 
-def check_close(name: str, got: Tensor | None, want: Tensor | None, allowed: float) -> None:
+def assert_close(name: str, got: Tensor | None, want: Tensor | None, allowed: float) -> None:
     assert got is not None and want is not None, name
     # A term is a product of fewer than 10 factors, each off by the forward error at most.
     assert (got.cpu().double() - want).abs().max() <= 10 * allowed * want.abs().max(), name
@@ -82,35 +82,35 @@ def check_close(name: str, got: Tensor | None, want: Tensor | None, allowed: flo
 @pytest.mark.parametrize("settings", MODES)
 @pytest.mark.parametrize("sh_degree", [None, 0, 2, 4])
 def test_values_and_gradients_agree_with_the_reference(backend, settings, sh_degree):
-    check(backend, random_scene(3, sh_degree=sh_degree), settings)
+    assert_agrees(backend, random_scene(3, sh_degree=sh_degree), settings)
 
 
 def test_lower_degrees_leave_higher_coefficients_alone(backend):
-    check(backend, dataclasses.replace(random_scene(4, sh_degree=3), sh_degree=1))
+    assert_agrees(backend, dataclasses.replace(random_scene(4, sh_degree=3), sh_degree=1))
 
 
 def test_a_stack_of_opaque_gaussians_agrees_where_blending_stops(exact_backend):
     scene = random_scene(11, count=150, opacity=(0.6, 0.99))
     stopped = render_reference(scene.to(torch.float64), RenderSettings()).alpha
     assert (stopped > 1 - 1e-3).double().mean() > 0.5
-    check(exact_backend, scene)
+    assert_agrees(exact_backend, scene)
 
 
 @pytest.mark.parametrize("channels", [1, 5])
 def test_any_number_of_channels_is_drawn(backend, channels):
-    check(backend, random_scene(13, count=20, channels=channels))
+    assert_agrees(backend, random_scene(13, count=20, channels=channels))
 
 
 @pytest.mark.parametrize("size", [(1, 1), (16, 16), (17, 5), (3, 33)])
 def test_images_of_any_size_are_drawn(backend, size):
-    check(backend, random_scene(17, count=15, size=size))
+    assert_agrees(backend, random_scene(17, count=15, size=size))
 
 
 def test_tiles_without_gaussians_show_nothing(backend):
     """Where nothing is drawn memory is not read before it is written: new tensors are NaN."""
     try:
         torch.use_deterministic_algorithms(True, warn_only=True)
-        check(backend, one_gaussian(size=(40, 36)))
+        assert_agrees(backend, one_gaussian(size=(40, 36)))
     finally:
         torch.use_deterministic_algorithms(False)
 
@@ -129,7 +129,7 @@ def test_absgrad_is_the_sum_over_pixels_of_absolute_gradients(backend):
     assert want.means2d_per_pixel.grad is not None
     absgrad = want.means2d_per_pixel.grad.abs().sum(dim=0)[None]
     allowed = tolerance(backend.dtype, scene.size, want.sharpness)
-    check_close("absgrad", getattr(got.means2d, "absgrad", None), absgrad, allowed)
+    assert_close("absgrad", getattr(got.means2d, "absgrad", None), absgrad, allowed)
 
 
 def test_radii_are_three_sigma_of_the_longer_axis(backend):
@@ -212,7 +212,7 @@ def test_what_lies_beyond_the_border_shows_as_far_as_its_alpha_reaches(exact_bac
         means=torch.tensor(mean), scales=torch.full((1, 3), 1.25), opacities=torch.tensor([1.0])
     )
     assert render_reference(scene.to(torch.float64), RenderSettings()).alpha.max() > 0.005
-    check(exact_backend, scene)
+    assert_agrees(exact_backend, scene)
 
 
 def test_equal_depths_are_drawn_in_the_order_of_their_index(exact_backend):
@@ -248,7 +248,7 @@ def test_the_camera_receives_gradients(backend, sh_degree):
     # All Gaussians' shares add up, so their rounding does too.
     assert truth.viewmat.grad is not None
     assert leaves.viewmat.grad is not None
-    check_close("viewmat", leaves.viewmat.grad[:3], truth.viewmat.grad[:3], 15 * allowed)
+    assert_close("viewmat", leaves.viewmat.grad[:3], truth.viewmat.grad[:3], 15 * allowed)
 
 
 POISON = {
