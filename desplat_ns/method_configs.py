@@ -129,7 +129,7 @@ def _method(
             visits=visits,
             steps_per_save=2000,
             steps_per_eval_batch=0,
-            steps_per_eval_image=1000,  # with its picture each takes as long as ten steps
+            steps_per_eval_image=1000,  # with its picture as long as seven steps
             steps_per_eval_all_images=1000,
             pipeline=DeSplatPipelineConfig(datamanager=DeSplatDataManagerConfig(), model=model),
             optimizers=static_optimizers() | image_effect_optimizers(background_steps),

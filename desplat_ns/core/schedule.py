@@ -100,7 +100,7 @@ class Schedule:
         """From `step` on, at which the nominal step `reached` was reached, go to the nominal step
         `end` in evenly many nominal steps each, until `total` steps of the run are done."""
         self._begun, self._reached = step, reached
-        self._pace = (total - step) / (end - reached)
+        self._pace = (total - step) / max(1.0, end - reached)
 
     def go_on(self, step: RunStep, reached: int, total: int) -> bool:
         """Let a run that was planned for more steps reach its end in `total` steps, from the

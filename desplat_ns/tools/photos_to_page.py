@@ -36,6 +36,8 @@ from desplat_ns.tools.studies.methods import parse
 RECORD = "desplat.json"
 PAGES_SHARE = 0.2
 """Of a budget, or of the time of the training, for pages and files: they took 0.1 to 0.2 of it."""
+LEAST_TRAINING = 30.0
+"""Seconds. Start-up and survey alone take ten to twenty."""
 MOST_TRAINING, MOST_HELD_OUT = 50, 12
 """Photos in the report."""
 
@@ -107,13 +109,22 @@ def _trained(
     folder = output / "training" / method / "run"
     trained, saved = done.setdefault("trained", {}), folder / "nerfstudio_models"
     if method in trained:
+        if budget is not None and budget > (trained[method] or budget):
+            announce(f"{folder} is trained to its end. To train longer, name another OUTPUT.")
         return find_run(folder / "config.yml")
     announce("Part 2 of 3: training. Ctrl+C stops it, and keeps what is trained.")
     options = ["--data", str(capture), "--output-dir", str(output), "--vis", "tensorboard"]
     options += ["--experiment-name", "training", "--timestamp", "run"]
     if budget is not None:
-        left = budget * (1 - PAGES_SHARE) - (time.monotonic() - began)
-        options += ["--budget", f"{max(1.0, left):.0f}s"]
+        spent = time.monotonic() - began
+        left = budget * (1 - PAGES_SHARE) - spent
+        if left < LEAST_TRAINING:
+            raise ConfigError(
+                f"Of a --budget of {time_in_words(budget)}, {time_in_words(spent)} are spent, and "
+                f"{PAGES_SHARE:.0%} are for the pages: training has {time_in_words(max(0, left))}. "
+                "What is done is kept: type the command again, or give it a larger --budget."
+            )
+        options += ["--budget", f"{left:.0f}s"]
     if checkpoints_in(saved):
         options += ["--load-dir", str(saved)]
     config, began = parse(method, options), time.monotonic()

@@ -47,6 +47,13 @@ def test_the_same_total_or_a_larger_one_changes_no_schedule(step: int, reached: 
     assert schedule.nominal(RunStep(step)) == round(step / schedule.scale)
 
 
+def test_a_run_that_has_reached_the_end_of_its_schedules_may_have_steps_left():
+    """As one whose machine gets faster at the end of a budget."""
+    schedule = Schedule()
+    schedule.aim(RunStep(90), 100, 200, end=100.0)
+    assert [schedule.nominal(RunStep(step)) for step in (90, 100, 200)] == [100, 100, 101]
+
+
 def test_a_longer_run_never_has_higher_rates():
     factors = [rate_factor(100, steps, 100.0) for steps in (1, 100, 1000, 5000, 20_000, 10**6)]
     assert factors == sorted(factors, reverse=True)

@@ -40,8 +40,10 @@ class PhotosToPage:
         if not self.photos.exists():
             raise CaptureError(f"There is no '{self.photos}'. Name a folder of photos, or a video.")
         budget = seconds_of(self.budget) if self.budget else None
-        output = self.output or Path(f"desplat-{self.photos.resolve().stem}")
-        if output.resolve().is_relative_to(self.photos.resolve()):
+        source = self.photos.resolve()
+        name = source.parents[2].name if source.name == "config.yml" else source.stem
+        output = self.output or Path(f"desplat-{name}")
+        if output.resolve().is_relative_to(source):
             raise ConfigError(
                 f"'{output}' would lie among the photos. Name another folder, for example: "
                 f"desplat {shlex.quote(str(self.photos))} ../{output.name}"

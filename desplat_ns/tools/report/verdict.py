@@ -14,8 +14,6 @@ BLURRED = 0.25
 """Share of the photos' finest detail in renderings, below which a scene looks blurred. Shares of
 finished and unfinished runs: docs/guides/results.md, "The report"."""
 FEW_PHOTOS = 8
-FAR_BELOW = 4.0
-"""dB below the median of the held-out photos."""
 
 
 def detail_kept(photo: UInt8[np.ndarray, "H W 3"], rendering: UInt8[np.ndarray, "H W 3"]) -> float:
@@ -54,19 +52,11 @@ def verdict(
     elif is_blurred:
         yield (
             f"{blur} Each photo was seen {steps / num_photos:.0f} times.",
-            "Train longer: a larger --budget, or more --max-num-iterations. If that does not help, "
-            "look at the photos: shaken ones, or poses that are off, blur a scene as well.",
+            "Train anew and longer: a larger --budget, or more --max-num-iterations. If that is no "
+            "help, look at the photos: shaken ones, or poses that are off, blur a scene as well.",
         )
     if num_photos < FEW_PHOTOS:
         yield (
             f"{num_photos} photos are few: what one of them shows, no other may confirm.",
             f"Add photos from other places: {FEW_PHOTOS} at least, better 20.",
         )
-    if len(images) > 2:
-        usual = median(image["psnr"] for image in images)
-        if far := [image["name"] for image in images if image["psnr"] < usual - FAR_BELOW]:
-            yield (
-                f"{', '.join(far[:5])}: far worse than the other held-out photos.",
-                "Look at them below. Where few photos look, there are holes and veils: add photos "
-                "of that place.",
-            )

@@ -38,5 +38,5 @@ def test_causes_come_before_consequences():
     assert stopped.startswith("The run has 372 of 3,000 steps") and "blurred" in stopped
     (blurred,) = said(scores(18, 19, detail=0.1), steps=600, planned=None)
     assert "blurred" in blurred and "20 times" in blurred
-    few, far = said(scores(25, 26, 19.9), photos=5)
-    assert few.startswith("5 photos") and far.startswith("2.jpg")
+    (few,) = said(scores(25, 26, 19.9), photos=5)
+    assert few.startswith("5 photos")
