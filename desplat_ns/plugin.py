@@ -28,11 +28,10 @@ from nerfstudio.utils import writer
 from nerfstudio.utils.rich_utils import CONSOLE
 from nerfstudio.viewer import control_panel
 
-from desplat_ns.backend import BackendName
-from desplat_ns.backend.registry import rendering_device
+from desplat_ns.backend import BackendName, resolve
 from desplat_ns.core.checkpoint import load_newest
 from desplat_ns.core.console import announce
-from desplat_ns.core.errors import ConfigError, begin_run
+from desplat_ns.core.errors import BackendUnavailableError, ConfigError, begin_run
 from desplat_ns.core.run_files import found
 from desplat_ns.metrics import LazyLpips, psnr
 
@@ -144,11 +143,15 @@ def where_to_render(backend: BackendName, device: str | torch.device) -> str | t
     nerfstudio 1.1.5 (eval_utils.py, `eval_setup`) takes CUDA where there is a device, whatever the
     run was trained on and whatever can draw there.
     """
-    chosen, why = rendering_device(backend, torch.device(device).type)
-    if not why:
+    kind = torch.device(device).type
+    if kind != "cuda":
         return device
-    announce(f"Rendering on the CPU: {why}", warning=True)
-    return chosen
+    try:
+        resolve(backend, kind)
+        return device
+    except BackendUnavailableError as error:
+        announce(f"Rendering on the CPU. {error}", warning=True)
+        return "cpu"
 
 
 def use_ffmpeg_of_imageio() -> None:

@@ -154,11 +154,11 @@ def compile_drawing() -> None:
 
 def compile_colors() -> None:
     """As `compile_drawing`, the kernels of spherical harmonics and of losses."""
-    from desplat_ns.backend.ssim import ssim
+    from desplat_ns.backend.ssim import compiled_photometric
 
     runtime.compiles_here = True
     means, coefficients = (torch.ones(1, *n, requires_grad=True) for n in ((3,), (4, 3)))
     radii = torch.ones(1, dtype=torch.int32)
     EvaluateColors.apply(means, coefficients, radii, torch.zeros(3), 1).sum().backward()  # type: ignore[union-attr]
     image = torch.zeros(16, 16, 3, requires_grad=True)
-    ssim(image, torch.zeros(16, 16, 3)).backward()
+    compiled_photometric(torch.zeros(16, 16, 3), None, 0.0, 1.0, image)[0].backward()

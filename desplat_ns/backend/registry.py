@@ -15,9 +15,6 @@ BackendName = Literal["auto", "gsplat", "torch", "numba"]
 BACKEND_NAMES: tuple[str, ...] = get_args(BackendName)
 """What `--pipeline.model.backend` accepts."""
 
-ON_THE_CPU = "Or put `CUDA_VISIBLE_DEVICES=` before the command: it then runs on the CPU."
-"""What helps any command where a GPU cannot be used; most have no option for the device."""
-
 _CLASSES = {
     "gsplat": ("desplat_ns.backend.gsplat_cuda", "GsplatRasterizer"),
     "numba": ("desplat_ns.backend.numba_tiles", "NumbaRasterizer"),
@@ -43,7 +40,9 @@ def _gsplat_unavailable(device: str) -> str | None:
     from desplat_ns.backend.gsplat_build import unavailable_reason
 
     reason = unavailable_reason()
-    return None if reason is None else f"{reason} {ON_THE_CPU}"
+    if reason is None:
+        return None
+    return f"{reason} Or put `CUDA_VISIBLE_DEVICES=` before the command: it then runs on the CPU."
 
 
 def unavailable_reason(name: str, device: str) -> str | None:
@@ -98,19 +97,3 @@ def compile_kernels(name: BackendName, device: str) -> float:
 
         runtime.prepare()
     return time.monotonic() - began
-
-
-def rendering_device(name: BackendName, device: str) -> tuple[str, str]:
-    """The device type on which a trained model is rendered, and why if it is another one.
-
-    Where no kernels draw on CUDA, that is the CPU: an image is a matter of a second there, and the
-    run may have been trained there for the same reason.
-    """
-    if device != "cuda" or name == "torch":
-        return device, ""
-    if name == "numba":
-        return "cpu", "its backend is numba"
-    reason = unavailable_reason("gsplat", device)
-    if reason is None:
-        return device, ""
-    return "cpu", f"backend 'gsplat' {reason.removesuffix(ON_THE_CPU).strip()}"

@@ -1,5 +1,8 @@
 """SSIM of the photometric loss: pytorch_msssim's value and gradient, at a tenth of its cost on a
-CPU."""
+CPU where the compiled kernels can work it out.
+
+Source: Wang et al. 2004, Eq. 13; Gaussian window, sigma 1.5, K1 = 0.01, K2 = 0.03.
+"""
 
 from __future__ import annotations
 
@@ -15,22 +18,6 @@ from torch import Tensor
 
 WINDOW = 11
 """Pixels across the Gaussian window."""
-
-
-def ssim(pred: Float[Tensor, "H W C"], target: Float[Tensor, "H W C"]) -> Float[Tensor, ""]:
-    """Mean structural similarity of two images in [0, 1], over channels and full 11 x 11 windows.
-
-    In [-1, 1], 1 if they are equal. Float32 RGB on the CPU takes the compiled kernels, everything
-    else pytorch_msssim. The fast way has no gradient for `target`, so a target that needs one goes
-    the slow way too.
-
-    Source: Wang et al. 2004, Eq. 13; Gaussian window, sigma 1.5, K1 = 0.01, K2 = 0.03.
-    """
-    if pred.shape != target.shape:
-        raise ValueError(f"pred has shape {tuple(pred.shape)}, target {tuple(target.shape)}.")
-    if is_fast(pred, target):
-        return 1 - compiled_photometric(target, None, 0.0, 1.0, pred)[0]
-    return similarities([pred], [target])[0]
 
 
 def compiled_photometric(*arguments: Any) -> tuple[Float[Tensor, ""], ...]:

@@ -6,9 +6,10 @@ import sys
 import pytest
 import torch
 
-from desplat_ns.backend import compile_kernels, registry, resolve
+from desplat_ns.backend import compile_kernels, resolve
 from desplat_ns.backend.numba_kernels import runtime
 from desplat_ns.core.errors import BackendUnavailableError
+from desplat_ns.plugin import where_to_render
 
 KERNELS = "desplat_ns.backend.gsplat_build.unavailable_reason"
 
@@ -53,14 +54,15 @@ def test_a_backend_that_cannot_draw_there_says_what_to_type(
     ],
 )
 def test_a_trained_model_is_rendered_where_something_fast_draws(
-    monkeypatch, backend, missing, expected
+    monkeypatch, backend, missing, expected, capsys
 ):
     monkeypatch.setattr(torch.cuda, "is_available", lambda: True)
     monkeypatch.setattr(KERNELS, lambda: missing)
-    device, why = registry.rendering_device(backend, "cuda")
-    assert device == expected and bool(why) == (device == "cpu")
-    assert missing is None or device == "cuda" or missing in why
-    assert registry.rendering_device(backend, "cpu") == ("cpu", "")
+    assert where_to_render(backend, "cuda") == expected
+    said = " ".join(capsys.readouterr().out.split())
+    assert bool(said) == (expected == "cpu")
+    assert missing is None or expected == "cuda" or missing in said
+    assert where_to_render(backend, "cpu") == "cpu"
 
 
 @pytest.mark.parametrize("has_gpu", [True, False])

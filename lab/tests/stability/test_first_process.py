@@ -12,7 +12,7 @@ GRADIENTS = """
 import hashlib, sys, torch
 from desplat_ns.backend.numba_tiles import NumbaRasterizer
 from desplat_ns.backend.protocol import RenderSettings, Splats, View
-from desplat_ns.backend.ssim import ssim
+from desplat_ns.losses import photometric_losses
 
 torch.manual_seed(0)
 n, (width, height) = 500, (60, 40)
@@ -23,7 +23,7 @@ for leaf in leaves:
 view = View(torch.eye(4), torch.tensor([[50.0, 0, 30], [0, 50, 20], [0, 0, 1]]), width, height)
 rgb = NumbaRasterizer()(Splats(*leaves, sh_degree=3), view, RenderSettings()).rgb
 photo = torch.rand(height, width, 3)
-((rgb - photo).abs().mean() - ssim(rgb, photo)).backward()
+photometric_losses(photo, None, 0.2, rgb)[0].backward()
 results = [rgb.detach(), *(leaf.grad for leaf in leaves)]
 print([hashlib.sha1(result.numpy().tobytes()).hexdigest() for result in results])
 """
