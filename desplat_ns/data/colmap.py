@@ -97,11 +97,8 @@ class DeSplatColmapDataParser(ColmapDataParser):
 
     @cached_property
     def reconstruction(self) -> Reconstruction:
-        """What is known of the capture.
-
-        Raises:
-            CaptureError: see `read`; or no points.
-        """
+        """What is known of the capture. Raises CaptureError as `read`, and where it has no
+        points."""
         model = without_far_photos(self.read())
         if self.config.load_3D_points:
             is_finite = np.isfinite(model.points.xyz).all(axis=1)
@@ -124,11 +121,8 @@ class DeSplatColmapDataParser(ColmapDataParser):
         return orient_poses(self.reconstruction, self.config)
 
     def sources(self, frames: Sequence[Frame]) -> list[PhotoSource]:
-        """Files of these photos and the sizes at which they are used; says once whence.
-
-        Raises:
-            CaptureError: photos that are not there.
-        """
+        """Files of these photos and the sizes at which they are used; says once whence. Raises
+        CaptureError where some are not there."""
         config, images = self.config, self.photos_folder
         factors = [downscale_factor(config.downscale_factor, frame) for frame in frames]
         sources, note = photo_sources(images, frames, factors, config.downscale_rounding_mode)
@@ -138,11 +132,8 @@ class DeSplatColmapDataParser(ColmapDataParser):
         return sources
 
     def masks(self, frames: Sequence[Frame]) -> list[Path] | None:
-        """Files that say where these photos may be used, named a.png or a.jpg.png for a.jpg.
-
-        Raises:
-            CaptureError: some of them are not there.
-        """
+        """Files that say where these photos may be used, named a.png or a.jpg.png for a.jpg. Raises
+        CaptureError where some are not there."""
         folder, option = self.config.data, "`mask_path` in every frame of transforms.json"
         named = [frame.mask or folder / "no mask_path" / frame.name for frame in frames]
         if self.config.masks_path is not None:
@@ -168,11 +159,8 @@ class DeSplatColmapDataParser(ColmapDataParser):
         return self.reconstruction.splits or read_list_files(self.config.data)
 
     def views(self, split: str) -> list[int]:
-        """Indices of a split's photos among the frames of the reconstruction.
-
-        Raises:
-            CaptureError: no photo for this split; as `lists`.
-        """
+        """Indices of a split's photos among the frames of the reconstruction. Raises CaptureError
+        where there is none, and as `lists`."""
         data, names = self.config.data, [frame.name for frame in self.reconstruction.frames]
         picked, why = [], ""
         if lists := self.lists(names):

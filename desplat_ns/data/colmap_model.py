@@ -57,11 +57,8 @@ def state_of(folder: Path) -> tuple[tuple[str, int, int, int], ...]:
 
 
 def read_model(folder: Path) -> pycolmap.Reconstruction:
-    """The whole model, without points that stand in a PLY.
-
-    Raises:
-        CaptureError: damaged or missing files.
-    """
+    """The whole model, without points that stand in a PLY. Raises CaptureError where files are
+    damaged or missing."""
     import pycolmap  # a quarter of a second: not for `--help`
 
     kind = _kind_of(folder)

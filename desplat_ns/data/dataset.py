@@ -31,10 +31,7 @@ Photo = dict[str, Any]
 
 
 class CaptureDataset(InputDataset):
-    """nerfstudio's dataset: photos upright, of any format, reduced by area.
-
-    A photo larger than its camera is reduced to it, if its shape is the same.
-    """
+    """nerfstudio's dataset: photos of any format, reduced by area to the size of their cameras."""
 
     def __init__(self, dataparser_outputs: DataparserOutputs, scale_factor: float = 1.0):
         super().__init__(dataparser_outputs, scale_factor)
@@ -83,11 +80,8 @@ class CaptureDataset(InputDataset):
 
 
 def check_size(path: Path, size: Size, camera: Size) -> None:
-    """A photo must be as large as its camera, or larger and of the same shape.
-
-    Raises:
-        CaptureError: names the file and both sizes.
-    """
+    """Raise CaptureError, with the file and both sizes, unless a photo is as large as its camera,
+    or larger and of the same shape."""
     # Of the longer side: the shorter one may have been rounded up to one pixel.
     ratio = size[1] / camera[1] if camera[1] > camera[0] else size[0] / camera[0]
     off = max(abs(size[0] / ratio - camera[0]), abs(size[1] / ratio - camera[1]))
@@ -108,11 +102,8 @@ _NUMBERS = ("fx", "fy", "cx", "cy", "width", "height")
 
 class PhotoReader:
     """Reads photos one by one, to the last bit as nerfstudio 1.1.5 reads them all
-    (`FullImageDatamanager._load_images`).
-
-    Undistorting crops, and the dataset's cameras become those of what is left. Upstream sets them
-    as it reads; here they are set before any photo is read.
-    """
+    (`FullImageDatamanager._load_images`). Undistorting crops; the dataset's cameras become those of
+    what is left before any photo is read."""
 
     def __init__(self, dataset: CaptureDataset):
         """Sets the dataset's cameras, so that a dataset may have one reader only."""
@@ -121,11 +112,7 @@ class PhotoReader:
         self._set_cameras()
 
     def __call__(self, index: int) -> Photo:
-        """A photo of the split.
-
-        Raises:
-            CaptureError: it cannot be read (any more), or does not fit its camera.
-        """
+        """A photo of the split. Raises CaptureError as `CaptureDataset.get_numpy_image`."""
         photo = self._dataset.get_data(index, "uint8")
         lens = _bent_lens(self._lenses, index)
         if lens is not None:

@@ -18,8 +18,7 @@ from desplat_ns.data.reconstruction import Frame
 Rounding = Literal["floor", "round", "ceil"]
 
 SIZE_TOLERANCE = 1
-"""Pixels by which a reduced copy may differ from the photo's size over the factor: programs that
-make `images_2` folders round differently."""
+"""Pixels by which a reduced copy may differ from the photo's size over the factor, by rounding."""
 
 
 @dataclass(frozen=True)

@@ -117,11 +117,8 @@ def read_image(path: Path, camera: tuple[int, int] | None = None) -> UInt8[np.nd
 
 
 def image_size(path: Path, camera: tuple[int, int] | None = None) -> tuple[int, int]:
-    """(width, height) in pixels, turned as `read_image` does it; reads the header only.
-
-    Raises:
-        CaptureError: the file is missing, is not an image, or has more than `MOST_PIXELS`.
-    """
+    """(width, height) in pixels, turned as `read_image` does it; reads the header only. Raises
+    CaptureError where that is missing, no image's, or says more than `MOST_PIXELS`."""
     return _open(path, camera).size
 
 
@@ -139,11 +136,7 @@ def lens_of(path: Path) -> Lens:
 
 def read_mask(path: Path, camera: tuple[int, int] | None = None) -> Bool[np.ndarray, "H W"]:
     """Where the mask, at its full depth, is neither black nor transparent, turned as `read_image`
-    does it. Of a mask that is black all over alpha alone counts.
-
-    Raises:
-        CaptureError: as `read_image`.
-    """
+    does it. Of a mask that is black all over alpha alone counts. Raises as `read_image`."""
     above = _open(path, camera).read(oiio.UNKNOWN) > 0
     colors, opaque = above[..., :3].any(axis=-1), above[..., 3:].all(axis=-1)
     return colors & opaque if colors.any() else opaque & ~opaque.all()
@@ -158,10 +151,8 @@ def read_grey(path: Path) -> Float[np.ndarray, "H W"]:
 def resize_image(
     image: UInt8[np.ndarray, "H W C"], width: int, height: int
 ) -> UInt8[np.ndarray, "h w C"]:
-    """Reduce by area: each new pixel is the mean of the rectangle it covers, rounded.
-
-    RGBA is averaged with colours weighted by alpha, so that what is transparent does not bleed.
-    """
+    """Reduce by area: each new pixel is the mean of the rectangle it covers, rounded; of RGBA
+    weighted by alpha, so that what is transparent does not bleed."""
     if image.shape[:2] == (height, width):
         return image
     if image.shape[2] == 3:

@@ -88,14 +88,9 @@ class Recognition:
         )
 
     def config(self, options: Mapping[str, Any]) -> DataParserConfig:
-        """The configuration of the dataparser that reads the capture.
-
-        Args:
-            options: what the user gave, by the names of the fields; they come before the layout's.
-
-        Raises:
-            ConfigError: options that this layout has no use for.
-        """
+        """The configuration of the dataparser that reads the capture, with `options` of the user's,
+        by the names of the fields, before the layout's. Raises ConfigError where this layout has no
+        use for one."""
         default = self.parser_config()
         useful = {f.name for f in fields(default)}
         useful -= set(SPLIT_OPTIONS) if isinstance(default, OwnSplitConfig) else set()
@@ -110,11 +105,8 @@ class Recognition:
 
 
 def recognise(data: Path) -> Recognition:
-    """The layout of the capture in a folder; a transforms.json may be named itself.
-
-    Raises:
-        CaptureError: no such folder, or nothing in it that is a capture.
-    """
+    """The layout of the capture in a folder, or of a transforms.json. Raises CaptureError where
+    there is no such folder, or nothing in it that is a capture."""
     if not data.is_dir() and not (data.suffix == ".json" and data.is_file()):
         raise CaptureError(
             f"There is no folder {data}. --data takes the folder of a capture, or its "
@@ -200,7 +192,7 @@ def _photo_tourism(data: Path) -> Found | None:
 
 
 def _transforms(data: Path) -> Found | None:
-    """A transforms.json, or such a file named itself."""
+    """A transforms.json, also named itself."""
     path = data if data.suffix == ".json" else data / TRANSFORMS_FILE
     return (path.name, path.name, {"load_3D_points": True}) if path.is_file() else None
 
@@ -284,12 +276,8 @@ class DeSplatDataParserConfig(DataParserConfig):
     """Whether training starts from the reconstruction's points instead of random ones."""
 
     def recognised(self) -> DataParserConfig:
-        """The configuration of the dataparser that reads the capture; says which and why.
-
-        Raises:
-            CaptureError: no capture is found.
-            ConfigError: options that the layout has no use for.
-        """
+        """The configuration of the dataparser that reads the capture; says which and why. Raises as
+        `recognise` and `Recognition.config`."""
         match = recognise(self.data)
         given = {name: value for name, value in vars(self).items() if value is not None}
         config = match.config({n: v for n, v in given.items() if n not in ("_target", "data")})

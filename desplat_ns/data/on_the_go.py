@@ -66,11 +66,8 @@ class OnTheGoDataParser(DeSplatColmapDataParser):
 
 
 def read_split(path: Path) -> dict[str, list[int]]:
-    """The lists of a split file, by their names.
-
-    Raises:
-        CaptureError: no such file, or not lists of positions under `clutter` and `extra`.
-    """
+    """The lists of a split file, by their names. Raises CaptureError where there is no such file,
+    or it has no lists of positions under `clutter` and `extra`."""
     try:
         content: Any = json.loads(path.read_text("utf8")) if path.is_file() else {}
         lists = {name: list(map(index, content[name])) for name in ("clutter", "extra")}

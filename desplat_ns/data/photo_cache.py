@@ -1,8 +1,5 @@
-"""Decoded photos, of which a bounded number is held at a time.
-
-nerfstudio 1.1.5 holds all of them: 1,000 photos of 12 megapixels are 36 GB. Here a photo is read in
-the background before its turn comes, and goes when others need its room.
-"""
+"""Decoded photos, of which a bounded number is held at a time; nerfstudio 1.1.5 holds all of them:
+1,000 photos of 12 megapixels are 36 GB."""
 
 from __future__ import annotations
 
@@ -34,18 +31,15 @@ def photo_bytes(dataset: CaptureDataset) -> list[int]:
 
 
 def free_memory(device: torch.device) -> int:
-    """Bytes that nobody uses where photos are held: the machine's, through which they come to a
-    GPU, or the GPU's if these are fewer."""
+    """Bytes that nobody uses where photos are held: the machine's, or the GPU's if these are
+    fewer."""
     free = memory()[1]
     return min(free, torch.cuda.mem_get_info(device)[0]) if device.type == "cuda" else free
 
 
 class BoundedPhotos(Sequence[Photo]):
-    """Photos by their numbers, as a list of all would give them, in bounded memory.
-
-    As many as there is room for stay once they are read; the others are read before their turn and
-    go after it.
-    """
+    """Photos by their numbers, as a list of all would give them, in bounded memory: as many as
+    there is room for stay; the others are read before their turn and go after it."""
 
     def __init__(
         self,

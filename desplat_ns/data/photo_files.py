@@ -69,11 +69,8 @@ def downscale_factors(images: Path) -> list[int]:
 
 
 def check_files(paths: Sequence[Path], folder: Path, what: str, option: str) -> None:
-    """Make sure that all files are there.
-
-    Raises:
-        CaptureError: lists what is missing from `folder`, `what` it is, and the `option` to set.
-    """
+    """Raise CaptureError, with `what` is missing from `folder` and the `option` to set, unless all
+    files are there."""
     missing = [path for path in paths if not os.path.isfile(path)]  # also of names too long
     if missing:
         names = list_names(os.path.relpath(path, folder) for path in missing)

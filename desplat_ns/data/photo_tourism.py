@@ -53,11 +53,8 @@ class PhotoTourismDataParser(DeSplatColmapDataParser):
         super().__init__(with_paths(config))
 
     def lists(self, names: Sequence[str]) -> Lists:
-        """By the split file, or drawn; says once how.
-
-        Raises:
-            CaptureError: a split file that does not fit, see `split_file`.
-        """
+        """By the split file, or drawn; says once how. Raises CaptureError as `find_split_file` and
+        `read_split_file`."""
         config, fraction, path = self.config, self.config.test_fraction, None
         if fraction is None:
             named = config.split_file

@@ -50,11 +50,8 @@ def points_of(model: pycolmap.Reconstruction) -> Points:
 
 
 def read_cloud(path: Path) -> Points:
-    """The vertices of a PLY file, numbered from 1.
-
-    Raises:
-        CaptureError: it cannot be read, or has no vertices with x, y and z.
-    """
+    """The vertices of a PLY file, numbered from 1. Raises CaptureError where it cannot be read, or
+    has no vertices with x, y and z."""
     from plyfile import PlyParseError
 
     try:

@@ -40,11 +40,9 @@ class OrientedPoses:
 
 
 def orient_poses(known: Reconstruction, config: ColmapDataParserConfig) -> OrientedPoses:
-    """Poses turned, centred and scaled by nerfstudio's options.
-
-    Their middle is taken off while numbers are float64: float32, in which nerfstudio centres, has a
-    quarter of a metre left for what lies 3,000 km out (geo-referenced captures).
-    """
+    """Poses turned, centred and scaled by nerfstudio's options. Their middle is taken off in
+    float64: float32 has a quarter of a metre left for what lies 3,000 km out (geo-referenced
+    captures)."""
     applied = np.eye(4)
     if config.assume_colmap_world_coordinate_convention and not known.is_upright:
         # COLMAP's guess of gravity (-y) to nerfstudio's up (+z): (x, y, z) -> (x, z, -y).
@@ -119,9 +117,8 @@ def camera_to_worlds(frames: Sequence[Frame]) -> Float[np.ndarray, "n 4 4"]:
 def points_metadata(
     known: Reconstruction, oriented: OrientedPoses, frames: Sequence[Frame]
 ) -> dict[str, Any]:
-    """Points in the oriented, scaled world, under the keys that nerfstudio's models read, and where
-    to read which of these photos observes which; without those whose place is not finite, of which
-    it is said how many."""
+    """Points in the oriented, scaled world, under the keys that nerfstudio's models read, and their
+    `Tracks`; without those whose place is not finite, of which it is said how many."""
     points, transform = known.points, oriented.transform
     xyz = torch.from_numpy(points.xyz) @ transform[:, :3].T + transform[:, 3]
     xyz = (oriented.scale * xyz).float()
@@ -143,11 +140,8 @@ def points_metadata(
 def make_cameras(
     frames: Sequence[Frame], sources: Sequence[PhotoSource], poses: Float[Tensor, "n 3 4"]
 ) -> Cameras:
-    """Cameras at the sizes at which the photos are used.
-
-    Focal lengths and principal points are scaled by new over old width and height, exactly:
-    nerfstudio scales by 1/factor even where the size was rounded.
-    """
+    """Cameras at the sizes at which the photos are used. Intrinsics are scaled by new over old
+    width and height: nerfstudio scales by 1/factor even where the size was rounded."""
     x_ratio = torch.tensor([s.width / f.width for f, s in zip(frames, sources, strict=True)])
     y_ratio = torch.tensor([s.height / f.height for f, s in zip(frames, sources, strict=True)])
 

@@ -78,8 +78,7 @@ class Reconstruction:
 
 @dataclass(frozen=True)
 class Tracks:
-    """Where to read what the photos of a split observe: training does not need it, so the metadata
-    of a capture does not hold it."""
+    """Where to read what the photos of a split observe, which training does not need."""
 
     folder: Path
     """The reconstruction."""
@@ -90,11 +89,7 @@ class Tracks:
 
     def read(self, photos: Sequence[int]) -> list[Int[np.ndarray, " M"]]:
         """The points, as indices into those of the capture, that some photos, given by their
-        numbers in the split, observe.
-
-        Raises:
-            CaptureError: the reconstruction cannot be read any more.
-        """
+        numbers in the split, observe. Raises CaptureError as `read_model`."""
         model, observed = read_model(self.folder), []
         for photo in photos:
             found = model.image(self.image_ids[photo]).get_observation_points2D()
@@ -172,11 +167,7 @@ def _frame(image: pycolmap.Image, folder: Path) -> Frame:
 
 
 def camera_type_of(model: str, photo: str, source: Path) -> CameraType:
-    """nerfstudio's kind of a camera model.
-
-    Raises:
-        CaptureError: a model that cannot be undistorted.
-    """
+    """nerfstudio's kind of a camera model. Raises CaptureError where it cannot be undistorted."""
     if model not in CAMERA_MODELS + FISHEYE_MODELS:
         raise CaptureError(
             f"The camera of photo {photo} in {source} has the model {model}; supported are "
@@ -189,11 +180,8 @@ def camera_type_of(model: str, photo: str, source: Path) -> CameraType:
 
 
 def check_frame(frame: Frame, source: Path) -> None:
-    """Make sure that a photo's name, pose and camera can be.
-
-    Raises:
-        CaptureError: names the photo and `source`, where it was read.
-    """
+    """Raise CaptureError, with the photo and `source`, where it was read, unless its name, pose and
+    camera can be."""
     lens, name, sides = frame.intrinsics, frame.name, (frame.width, frame.height)
     with np.errstate(over="ignore"):
         numbers = np.array([*frame.world_to_camera.flat, *lens.values()]).astype(np.float32)

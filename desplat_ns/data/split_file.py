@@ -38,11 +38,8 @@ def split_files(folders: Sequence[Path]) -> tuple[list[Path], list[Path]]:
 
 
 def find_split_file(folders: Sequence[Path]) -> Path | None:
-    """The one split file in these folders, None where there is no file of such a name.
-
-    Raises:
-        CaptureError: several fit, or there are files of such a name and none fits.
-    """
+    """The one split file in these folders, None where there is no file of such a name. Raises
+    CaptureError where several fit, or none of those with such a name."""
     fitting, named = split_files(folders)
     if named and len(fitting) != 1:
         raise CaptureError(
@@ -54,11 +51,8 @@ def find_split_file(folders: Sequence[Path]) -> Path | None:
 
 
 def read_split_file(path: Path) -> Lists:
-    """The photos that a split file lists. Rows without an id or a file name do not count.
-
-    Raises:
-        CaptureError: as `read_rows`; a split that is neither train nor test.
-    """
+    """The photos that a split file lists. Rows without an id or a file name do not count. Raises
+    CaptureError as `read_rows`, and of a split that is neither train nor test."""
     listed: dict[str, list[str]] = {"train": [], "test": []}
     for row in read_rows(path):
         if row["filename"].lower() in EMPTY or row["id"].lower() in EMPTY:
@@ -74,11 +68,8 @@ def read_split_file(path: Path) -> Lists:
 
 
 def read_rows(path: Path) -> list[dict[str, str]]:
-    """Values of `COLUMNS`, stripped, missing ones empty; blank lines are skipped.
-
-    Raises:
-        CaptureError: no such file, not UTF-8, not a table, or columns that are missing.
-    """
+    """Values of `COLUMNS`, stripped, missing ones empty; blank lines are skipped. Raises
+    CaptureError where there is no such file, it is no table in UTF-8, or columns are missing."""
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
             reader = csv.DictReader(file, dialect="excel-tab", strict=True)

@@ -10,12 +10,9 @@ from nerfstudio.cameras.cameras import Cameras
 
 
 def train_index(camera: Cameras) -> int | None:
-    """Which training view this camera is, or None.
-
-    The datamanager says so in `metadata["train_idx"]`. nerfstudio's own `cam_idx` alone says
-    nothing: its viewer sends one with every frame. With the other it is the same number, which
-    need not be fetched from a GPU.
-    """
+    """Which training view this camera is, by `metadata["train_idx"]`, or None. nerfstudio's own
+    `cam_idx`, which its viewer sends with every frame, says nothing alone; beside the other it is
+    the same number, which need not be fetched from a GPU."""
     metadata = camera.metadata or {}
     index, number = metadata.get("train_idx"), metadata.get("cam_idx")
     if index is None or isinstance(number, int):

@@ -14,12 +14,7 @@ from PIL import Image
 
 from desplat_ns.core.errors import CaptureError
 from desplat_ns.data import images
-from desplat_ns.data.images import (
-    image_size,
-    read_image,
-    read_mask,
-    resize_image,
-)
+from desplat_ns.data.images import image_size, read_image, read_mask, resize_image
 
 
 def noise(height: int, width: int, channels: int = 3, seed: int = 0) -> np.ndarray:

@@ -4,12 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from desplat_ns.data.photo_files import (
-    begin_folder,
-    downscale_factors,
-    photo_names,
-    photos_near,
-)
+from desplat_ns.data.photo_files import begin_folder, downscale_factors, photo_names, photos_near
 
 
 def touch(folder: Path, *names: str) -> Path:

@@ -7,15 +7,10 @@ from pathlib import Path
 
 import pytest
 import torch
-from PIL import Image
 
 from desplat_ns.core.errors import CaptureError, ConfigError
-from desplat_ns.data.colmap import DeSplatColmapDataParserConfig
 from desplat_ns.data.dataset import CaptureDataset
-from desplat_ns.data.photo_tourism import (
-    PhotoTourismDataParser,
-    PhotoTourismDataParserConfig,
-)
+from desplat_ns.data.photo_tourism import PhotoTourismDataParser, PhotoTourismDataParserConfig
 
 
 def parser_of(data: Path, **options) -> PhotoTourismDataParser:
@@ -137,40 +132,7 @@ def test_by_default_each_photo_is_halved_until_it_is_small_enough(scene, photo_w
     assert dataset.get_data(0)["image"].shape == (1, 825, 3)
 
 
-def test_photos_of_every_size_keep_it_and_a_downscale_factor_is_the_same_for_all(scene):
-    data = scene()
-    dataset = CaptureDataset(parser_of(data).get_dataparser_outputs("train"))
-    dataset.check_photos()
-    assert [tuple(dataset.get_data(i)["image"].shape) for i in range(2)] == [(6, 8, 3), (8, 6, 3)]
-    cameras = parser_of(data, downscale_factor=2).get_dataparser_outputs("train").cameras
-    assert cameras.width.flatten().tolist() == [4, 3]
-    assert cameras.height.flatten().tolist() == [3, 4]
-
-
-def test_gt_masks_are_listed_beside_the_photos_but_never_mask_training(scene):
-    data = scene()
-    (data / "masks").mkdir()
-    Image.new("L", (6, 8)).save(data / "masks" / "b.png")
-    outputs = parser_of(data).get_dataparser_outputs("train")
-    expected = [None, data / "masks" / "b.png"]
-    assert outputs.metadata["distractor_mask_filenames"] == expected
-    assert outputs.mask_filenames is None
-
-
 # --- the rest is the colmap parser's ------------------------------------------------------------
-
-
-def test_poses_and_points_are_those_of_the_colmap_parser(scene):
-    data, options = scene(), {"orientation_method": "pca", "scale_factor": 2.0}
-    ours = parser_of(data, **options).get_dataparser_outputs("train")
-    paths = {"images_path": Path("dense/images"), "colmap_path": Path("dense/sparse")}
-    colmap = DeSplatColmapDataParserConfig(data=data, eval_mode="all", **paths, **options).setup()
-    theirs = colmap.get_dataparser_outputs("train")
-    torch.testing.assert_close(
-        ours.cameras.camera_to_worlds, theirs.cameras.camera_to_worlds[:2], rtol=0, atol=0
-    )
-    torch.testing.assert_close(ours.metadata["points3D_xyz"], theirs.metadata["points3D_xyz"])
-    assert ours.dataparser_scale == theirs.dataparser_scale
 
 
 @pytest.mark.real_data

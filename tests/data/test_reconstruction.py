@@ -20,7 +20,6 @@ from nerfstudio.cameras.cameras import CameraType
 from desplat_ns.core.errors import CaptureError
 from desplat_ns.data import reconstruction
 from desplat_ns.data.colmap import DeSplatColmapDataParserConfig
-from desplat_ns.data.colmap_model import find_models
 from desplat_ns.data.reconstruction import TRACKS, Tracks, read_reconstruction
 from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
 
@@ -73,12 +72,6 @@ def test_a_reconstruction_is_parsed_once_until_a_file_of_it_changes(
     assert read_reconstruction(data, SPARSE).points.xyz[0].tolist() == [0.5, -1, 5]
 
 
-@pytest.mark.parametrize("place", ["sparse", "sparse/0", "sparse/2", "colmap/sparse/0"])
-def test_the_usual_places_are_searched(tmp_path: Path, model_writer, place: str):
-    model_writer(tmp_path / place, ["a.png", "b.png"])
-    assert find_models(tmp_path, SPARSE) == [tmp_path / place]
-
-
 def test_the_largest_of_several_is_taken_and_said_unless_another_is_named(
     tmp_path: Path, model_writer, capsys
 ):
@@ -89,16 +82,6 @@ def test_the_largest_of_several_is_taken_and_said_unless_another_is_named(
     said = capsys.readouterr().out
     assert str(tmp_path / "sparse" / "1") in said and said.count("\n") == 1
     assert read_reconstruction(tmp_path, Path("mine")).folder == tmp_path / "mine"
-
-
-def test_points_with_nan_are_left_out_and_counted(capture, capsys):
-    data = capture()
-    binary_with(data, lambda model: setattr(model.points3D[1], "xyz", [np.nan, 0, 0]))
-    outputs = DeSplatColmapDataParserConfig(data=data).setup().get_dataparser_outputs("train")
-    assert outputs.metadata["points3D_xyz"].isfinite().all()
-    assert outputs.metadata["points3D_rgb"].tolist() == [[200, 100, 50]]
-    assert outputs.metadata[TRACKS].point_ids.tolist() == [2]
-    assert "1 of 2 points" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

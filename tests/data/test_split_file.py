@@ -10,12 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from desplat_ns.core.errors import CaptureError
-from desplat_ns.data.split_file import (
-    draw_split,
-    find_split_file,
-    read_rows,
-    read_split_file,
-)
+from desplat_ns.data.split_file import draw_split, find_split_file, read_rows, read_split_file
 from desplat_ns.data.splits import listed_photos
 
 ROWS = ("a.jpg\t1.0\ttest\tx", "b.jpg\t2.0\ttrain\tx", "c.jpg\t3.0\ttrain\tx")
