@@ -95,8 +95,7 @@ def _is_intact(path: Path) -> bool:
 
 @contextmanager
 def run_folder(folder: Path) -> Iterator[None]:
-    """As `only_process_in`, with SystemExit in place of KeyboardInterrupt, after which nerfstudio's
-    commands end with 0."""
+    """As `only_process_in`; after KeyboardInterrupt nerfstudio's commands would end with 0."""
     try:
         with only_process_in(folder):
             yield

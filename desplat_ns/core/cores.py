@@ -20,11 +20,8 @@ def cores() -> int:
 
 @cache
 def leave_cores_to_others() -> None:
-    """Give torch half of its threads, once in a process, unless OMP_NUM_THREADS says how many.
-
-    They wait for each other by spinning, which takes the time of a step several times over where
-    another program has one of the cores; numba's do most of the work (docs/results/speed.md).
-    """
+    """Give torch half of its threads, once in a process, unless OMP_NUM_THREADS says how many: they
+    wait by spinning, and numba's do most of the work (docs/results/speed.md)."""
     import torch  # here, as it takes long, and other commands count cores
 
     if "OMP_NUM_THREADS" not in os.environ:

@@ -45,9 +45,8 @@ def begin_run() -> None:
 
 
 def print_user_errors_plainly() -> None:
-    """From now on, a `DeSplatError` or Ctrl+C that ends the program prints no traceback: commands
-    are nerfstudio's, so there is no place of ours to catch it. Every other exception goes where it
-    went before."""
+    """From now on, a `DeSplatError` or Ctrl+C that ends the program, which may be nerfstudio's,
+    prints no traceback. Every other exception goes where it went before."""
     before = sys.excepthook
     if before.__module__ == __name__:
         return

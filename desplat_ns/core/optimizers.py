@@ -24,8 +24,7 @@ short runs already, and distractors are trained by visits of their own."""
 def adam(
     params: list[nn.Parameter], lr: float, eps: float = 1e-15, weight_decay: float | int = 0
 ) -> Optimizer:
-    """torch's Adam with Splatfacto's epsilon, as gradients of Gaussians are small. It updates
-    moments and parameters in one pass, a third of the time on a CPU."""
+    """torch's Adam with Splatfacto's epsilon, in one pass: a third of the time on a CPU."""
     return torch.optim.Adam(params, lr=lr, eps=eps, weight_decay=weight_decay, fused=True)
 
 
@@ -56,11 +55,8 @@ def optimizer_options(optimizers: Mapping[str, Any], factor: float = 1.0) -> dic
 
 def follow(optimizers: Optimizers, schedule: Schedule, early: Callable[[int], float]) -> None:
     """Let all rates go by the nominal steps of a schedule from now on, those of `SHORT_RUN_GROUPS`
-    with the factor `early` at a step of the run.
-
-    Rates are Python floats then: numpy scalars, which nerfstudio 1.1.5 returns, end up in the
-    checkpoint, and torch >= 2.6 refuses to load it.
-    """
+    with the factor `early` at a step of the run. They are Python floats: numpy's, which nerfstudio
+    1.1.5 returns, end up in the checkpoint, and torch >= 2.6 refuses to load it."""
 
     def read_at(curve: Any, factor: Callable[[int], float]) -> Callable[[int], float]:
         return lambda step: float(curve(schedule.nominal(RunStep(step)))) * factor(step)
@@ -87,9 +83,8 @@ def set_position(scheduler: LambdaLR, steps_done: int) -> None:
 
 
 def load_moments(optimizers: Optimizers, saved: Mapping[str, Any]) -> None:
-    """Bring back the optimizers' moments from a checkpoint; rates, epsilons and the like stay those
-    of this run's options. The parameters must have their saved shapes already: the pipeline is
-    loaded first, and refuses another run's groups."""
+    """Bring back the optimizers' moments from a checkpoint, once the parameters have their saved
+    shapes; rates, epsilons and the like stay those of this run's options."""
     for name, optimizer in optimizers.optimizers.items():
         own = [{k: v for k, v in g.items() if k != "params"} for g in optimizer.param_groups]
         optimizer.load_state_dict(saved[name])

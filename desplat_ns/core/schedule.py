@@ -2,8 +2,7 @@
 
 Schedules (learning rates, photo sizes, refinements, resets) are functions of the nominal step, a
 step of a run of the method's own length. A shorter run goes through the same nominal steps in fewer
-steps of its own; their ratio is the scale, in (0, 1]. The two
-kinds of steps have types, so that they are not mixed up.
+steps of its own; their ratio is the scale, in (0, 1]. The two kinds of steps have types.
 """
 
 from __future__ import annotations
@@ -57,18 +56,15 @@ def steps_between_refinements(
 
 
 def pause_after_reset(num_views: int, reset_every: int, scale: float) -> int:
-    """Nominal steps after a reset of the opacities in which no gradients are sampled, because the
-    scene recovers: a round of the views and 100 steps of the run, as in Splatfacto, but at most
-    half of the `reset_every` nominal steps between two resets."""
+    """Nominal steps after a reset of the opacities in which the scene recovers: a round of the
+    views and 100 steps of the run, as in Splatfacto, but at most half of the `reset_every` between
+    two."""
     return min(round((num_views + SPLATFACTOS_INTERVAL) / scale), reset_every // 2)
 
 
 def rate_factor(num_views: int, steps: int, full_visits: float) -> float:
     """Factor, 1 to `MOST_RATE_FACTOR`, on the learning rates of a run of `steps` steps that sees
-    photos seldom: rates for many visits leave a short run far from where it is heading.
-
-    Args:
-        full_visits: visits of each photo for which the rates are meant; 0 for a factor of 1.
+    photos seldom. `full_visits`: of each photo, for which the rates are meant; 0 for a factor of 1.
     """
     full = full_visits * max(num_views, COUNTED_VIEWS)
     return min(MOST_RATE_FACTOR, max(1.0, full / steps))
@@ -103,9 +99,8 @@ class Schedule:
         self._pace = (total - step) / max(1.0, end - reached)
 
     def go_on(self, step: RunStep, reached: int, total: int) -> bool:
-        """Let a run that was planned for more steps reach its end in `total` steps, from the
-        nominal step that it has reached at `step`: else refinements that were to come are passed
-        over. Returns whether that changes anything; a run planned for fewer steps goes back."""
+        """Let a run that was planned for more steps, and is at nominal step `reached`, end in
+        `total` steps without passing over refinements. Returns whether that changes anything."""
         if reached >= self.nominal(step) or step >= total:
             return False
         self.aim(step, reached, total, max(total, total / self.scale))

@@ -108,8 +108,8 @@ def plain_errors(path: Path, option: str = "--output") -> Iterator[None]:
 @contextmanager
 def only_process_in(folder: Path) -> Iterator[None]:
     """Within, no other process works in a folder, which is made with those that it is in; of these
-    the ones that are left empty go again. The operating system lets go of the lock however a
-    process ends. Raises ConfigError where another one is at work, or nothing can be written."""
+    the ones that are left empty go again. The lock ends with the process, however that ends. Raises
+    ConfigError where another one is at work, or nothing can be written."""
     path, made = folder / IN_USE, [at for at in (folder, *folder.parents) if not at.exists()]
     lock = FileLock(path, timeout=0)
     try:

@@ -11,18 +11,10 @@ import numpy as np
 import pytest
 import torch
 from nerfstudio.engine.optimizers import AdamOptimizerConfig, Optimizers
-from nerfstudio.engine.schedulers import (
-    CosineDecaySchedulerConfig,
-    ExponentialDecaySchedulerConfig,
-)
+from nerfstudio.engine.schedulers import CosineDecaySchedulerConfig, ExponentialDecaySchedulerConfig
 from torch import nn
 
-from desplat_ns.core.optimizers import (
-    SHORT_RUN_GROUPS,
-    FusedAdamConfig,
-    follow,
-    optimizer_options,
-)
+from desplat_ns.core.optimizers import SHORT_RUN_GROUPS, FusedAdamConfig, follow, optimizer_options
 from desplat_ns.core.schedule import Schedule
 from desplat_ns.method_configs import desplat
 

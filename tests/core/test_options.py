@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass
 from functools import reduce
-from typing import Any
 
 import pytest
 
 from desplat_ns.core.errors import ConfigError
-from desplat_ns.core.options import check_ranges, ranged
 from tests.helpers.registered import set_up
 
 
@@ -32,6 +29,8 @@ from tests.helpers.registered import set_up
         ("pipeline.model.distractors.strong_excess", -5.0),
         ("pipeline.model.distractors.lambda_d", math.nan),
         ("pipeline.model.distractors.lambda_s", -5.0),
+        ("pipeline.model.distractors.lambda_s", math.inf),
+        ("pipeline.model.distractors.leak", 1.1),
         ("pipeline.model.distractors.static_warmup", -5),
         ("pipeline.model.distractors.static_warmup", 20_000),
         ("pipeline.datamanager.photo_memory", 0.0),
@@ -43,24 +42,3 @@ def test_training_does_not_begin_with_a_number_that_cannot_be(tiny_run, tmp_path
     setattr(reduce(getattr, parts, config), name, value)
     with pytest.raises(ConfigError, match=re.escape(f"--{option.replace('_', '-')}")):
         set_up(config)
-
-
-@dataclass
-class WithRanges:
-    share: float = ranged(0.5, "(0, 1]")
-    count_of_all: int = ranged(2, "[1, inf)")
-
-
-@pytest.mark.parametrize(
-    ("held", "option"),
-    [
-        ({"share": 0.0}, "share"),
-        ({"share": 1.1}, "share"),
-        ({"count_of_all": 0}, "count-of-all"),
-        ({"count_of_all": math.inf}, "count-of-all"),
-    ],
-)
-def test_a_number_out_of_its_interval_is_named(held: dict[str, Any], option: str):
-    check_ranges(WithRanges(share=1.0, count_of_all=1))
-    with pytest.raises(ConfigError, match=rf"`--part\.{option}` is"):
-        check_ranges(WithRanges(**held), "--part")
