@@ -20,14 +20,12 @@ DISPLAY_GAMMA = 2.2
 HALF_STOP = 2 ** (0.5 / DISPLAY_GAMMA) - 1
 """17%. If a tenth of the photos are off by as much and most are not, it is said beside."""
 EIGHTH_STOP = 2 ** (0.125 / DISPLAY_GAMMA) - 1
-"""4%. Photos of one light change by 1.1% at most, glossy ones too; those of a camera that sets its
-own exposure by 5.6% and more, and of a sun that moved by 40 degrees by 9.6%."""
+"""4%. docs/explain/survey.md has the reasons of this and the other thresholds."""
 LOCAL_STEP = 0.15
 """Of the value: a place is another one's shade if it and what is near are off by more than this.
 A surface in the sun has 1.3 to 2 times the value of one in the shade."""
 LOCAL_SHARE = 0.035
-"""Share of the places. Set between 0.029, the most where the light stands still (a grove as fine as
-a pixel, in photos of different exposure), and 0.043, the least where the sun moved."""
+"""Share of the places."""
 LEAST_EXPLAINED = 0.3
 """Share of the variance between photos that their lights must explain to be believed."""
 FEW_NEAR = 3
@@ -38,8 +36,7 @@ its surroundings look much alike."""
 NEIGHBOURS, FEWEST_NEIGHBOURS = 3, 2
 """Photos with which a point is compared, the nearest in direction, and how many there must be."""
 COLOR_STEP = 0.12
-"""Of the range of values, in the light common to all photos, below which two show the same: twice
-what light leaves in photos of tourists, and less than between most things."""
+"""Of the range of values, in the light common to all photos, below which two show the same."""
 SAME_STRUCTURE, MATCHED_STRUCTURE = 0.5, 0.9
 """Normalized cross-correlation of two patches above which they show the same, and where there are
 no tracks and patches alone say that two photos show one point."""
@@ -86,9 +83,9 @@ def local_steps(
 
 
 def share_by_direction(observations: Observations, steps: Float[np.ndarray, "V P"]) -> float:
-    """How much of the large steps the neighbours show, too: about 1 where colours follow the
-    direction from which a place is seen, as gloss does, and 0 where each photo has its own light,
-    or no place has neighbours. Least squares of their mean steps on a photo's own, in [0, 1]."""
+    """How much of the large steps the neighbours show, too, in [0, 1]: about 1 where colours follow
+    the direction, as gloss does, and 0 where each photo has its own light, or no place has
+    neighbours. Least squares of their mean steps on a photo's own."""
     product = square = 0.0
     for row, others in enumerate(neighbours(observations, np.isfinite(steps))):
         theirs = np.where(others >= 0, np.take_along_axis(steps, np.maximum(others, 0), axis=0), 0)

@@ -28,25 +28,21 @@ clouds are, leaves against the sky are not."""
 UPRIGHT = 0.05
 """Weight of the cameras' own up against their horizontals, which tell the vertical better."""
 LEAST_RISE = float(np.sin(np.radians(6.0)))
-"""Of a direction above the horizon. Photos that look down on something show the walls of a room up
-to there; nine tenths of a sky's area were more than 8 degrees above it."""
+"""Of a direction above the horizon: up to there photos that look down show the walls of a room."""
 STEEP = 0.3
 """Length of the vertical in the image plane below which a photo looks up or down too steeply."""
 VISIBLE_SHARE = 0.04
 """Of the photos' area, in the mean. Less is not worth a part of the model: Gaussians at the edge of
 the scene take it."""
 RANGE = 0.022
-"""Of the range of values: the difference between directions, from which on a smooth surface is
-visibly not of one colour. A sky of one colour showed 0.005."""
+"""Of the range of values, between directions: six of 255 levels, which one sees on a smooth sky."""
 BY_PHOTO = 0.06
 """Of the range of values: what a quarter of the photos' skies exceed in their RMS difference from
-what all photos show in the same direction. A few photos may have something before their sky. Nearer
-to the least where skies differ (0.083) than to the most where they do not (0.015): a sky for each
-photo is learned from that photo alone, and few photos suffer most. So photos also have to differ
-by more than directions do: until then the sky that all photos share explains most."""
+what all photos show in the same direction. A few photos may have something before their sky. Photos
+also have to differ by more than directions do: until then a sky that all share explains most."""
 CHROMA_BY_PHOTO = 0.055
-"""The same in log of a channel over the mean of the channels, used where light changes place by
-place: how bright a sky is then says nothing, for the light of a photo as a whole is not known."""
+"""The same in log of a channel over the mean of the channels, where light changes place by place:
+the light of a photo as a whole, so the brightness of its sky, is not known then."""
 TURN, RISE = 8.0, 3.0
 """Degrees of azimuth and elevation that count as the same direction."""
 FEWEST_PHOTOS, FEWEST_CELLS = 3, 4
@@ -155,9 +151,8 @@ def sky_colors(observations: Observations, light: PhotoLight, skies: dict[int, S
 
 
 def range_by_direction(cells: SkyColors, values: Float[np.ndarray, "K 3"]) -> float:
-    """How far directions differ within photos: 10% to 90% of the area, the widest channel; NaN
-    where there is no sky. Every photo's own median is taken out, so neither light nor weather of a
-    photo counts."""
+    """How far directions differ within photos, whose own medians are taken out: 10% to 90% of the
+    area, the widest channel; NaN where there is no sky."""
     if len(values) == 0:
         return float("nan")
     middles = _medians(values - _medians(values, cells.photo), cells.direction)

@@ -42,8 +42,8 @@ class Finding:
     decision: Decision
     """The value of the effect's switch that explains what was seen at the least cost."""
     confidence: Confidence
-    """`clear`: the deciding figures are off their thresholds by a factor of `CLEAR`; `close`: by
-    less; `none`: the safe side."""
+    """`clear`: the deciding figures are off by a factor of `CLEAR`; `close`: by less; `none`:
+    safe."""
     reason: str
     """A sentence with the figures that decided."""
     figures: tuple[Figure, ...]

@@ -27,8 +27,7 @@ from desplat_ns.data.reconstruction import TRACKS
 LONGEST_SIDE = 400
 """Pixels of the small copies: a face in a crowd is a few of them, and no detail is needed."""
 CELL = 1 / 48
-"""Of the longest side. A place's neighbourhood are its cell and the eight around it: a sixteenth of
-the longest side, which is about a head in a photo of people who stand near."""
+"""Of the longest side. A place's neighbourhood are its cell and the eight around it."""
 MOST_PHOTOS = 160
 """Larger captures are judged by so many photos, evenly spread over them."""
 MOST_READERS = 8
@@ -278,8 +277,7 @@ def colors_of_photos(capture: DataparserOutputs) -> UInt8[np.ndarray, "N 3"]:
 
 
 def _chosen_points(tracked: np.ndarray) -> np.ndarray:
-    """Points that two photos found. If there are too many, those of tracks of three and more first,
-    drawn with a fixed seed: the longest alone would lie where all photos look."""
+    """Points that two photos found; of too many, those that three and more found come first."""
     views = tracked.sum(axis=0)
     chosen = np.flatnonzero(views >= 2)
     if len(chosen) > MOST_POINTS:

@@ -27,11 +27,9 @@ DARKEST = 0.02
 DARK = 0.08
 """A value of this size counts a quarter: what the camera adds as noise is a larger part of it."""
 PRIOR = np.array([0.1, 0.1, 0.1, 2.5, 10.0])
-"""Observations that speak for gains 0, gamma 1, no vignetting: a photo with few keeps its light.
-Those of the gains are few, for they would hold back a light that changes along a walk."""
+"""Observations that speak for gains 0, gamma 1, no vignetting: a photo with few keeps its light."""
 JOINT_PRIOR = 0.001
-"""Observations that hold all gains where they are when they are changed at once: it makes the
-common light, which nothing determines, stay."""
+"""Observations that hold all gains, whose common part nothing determines, when they are changed."""
 LENS_PRIOR = 1.0
 """Observations in the very corners that speak for a lens that darkens them by rho^2 alone."""
 FEWEST = 15
@@ -78,8 +76,7 @@ def from_middle(
 
 
 def fit_light(observations: Observations) -> PhotoLight:
-    """Every photo's light by reweighted least squares with Cauchy's weights, colours and lights in
-    turn: what few photos show otherwise (passers-by, glints) hardly counts."""
+    """Every photo's light by least squares with Cauchy's weights, colours and lights in turn."""
     clipped = (observations.colors < DARKEST) | (observations.colors > 1 - DARKEST)
     use = observations.is_tracked & ~clipped.any(axis=-1)
     use &= use.sum(axis=0) >= 2

@@ -20,7 +20,6 @@ from desplat_ns.survey.photo_light import PhotoLight, fit_light
 LEAST_IN_VIEW, LEAST_COMPARED = 8, 50
 """Points that most photos have to show, and that a photo's brightness is compared at."""
 LEAST_AGREEMENT = 0.2
-"""See `_unlike`."""
 MOST_CHECKED = 24
 """Photos that are compared with the points where no survey is made: a second or two."""
 MASKED = "A mask leaves nothing of its photo, in {}: white is what may be used."
@@ -88,8 +87,7 @@ def survey(capture: DataparserOutputs) -> tuple[Survey, Evidence]:
 
 def mismatches(observations: Observations) -> tuple[list[str], str]:
     """Sentences on photos that do not go with their masks, cameras or points, where they are more
-    than a share of all; and all of them in one where such photos are more than half, so that
-    training would be in vain, else none."""
+    than a share of all; and all in one, else none, where they are more than half."""
     count = len(observations.views)
     is_judged = len(observations.all_xyz) >= LEAST_COMPARED
     kinds = [
@@ -123,12 +121,7 @@ def refuse_mismatch(mismatch: str) -> None:
 
 def _unlike(observations: Observations) -> Bool[np.ndarray, " V"]:
     """Which photos show other patches at the points than the other photos do: the cosine of a
-    photo's patches and the others' sums is below `LEAST_AGREEMENT`.
-
-    The median photo of twelve right captures had 0.37 to 0.81, and of the same ones with photos
-    turned, mirrored or exchanged, or with focal lengths 1.4 times too long, 0.12 at most. Of the
-    right ones two photos were below 0.2: 0.19, among 24 that people cover, and none.
-    """
+    photo's patches and the others' sums is below `LEAST_AGREEMENT` (docs/explain/survey.md)."""
     shown = observations.is_shown
     patches = observations.structures * shown[..., None]
     others = patches.sum(axis=0) - patches

@@ -13,11 +13,7 @@ import pytest
 from nerfstudio.data.dataparsers.base_dataparser import DataparserOutputs
 
 from desplat_ns.data.images import read_image
-from desplat_ns.survey.appearance import (
-    LOCAL_SHARE,
-    appearance_finding,
-    local_steps,
-)
+from desplat_ns.survey.appearance import LOCAL_SHARE, appearance_finding, local_steps
 from desplat_ns.survey.findings import CLEAR, Figure, Finding, confidence_of
 from desplat_ns.survey.photo_light import from_middle
 from desplat_ns.survey.survey import survey as survey_with_evidence
