@@ -18,15 +18,9 @@ def accumulated_weights(
     settings: RenderSettings,
     columns: int | None = None,
 ) -> Float[Tensor, " N"]:
-    """Sum over pixels of each Gaussian's blending weight alpha_i T_i, in pixels, >= 0.
-
-    The rendered colour is sum(w_i c_i) at every pixel, so this is the derivative of the image's sum
-    by c_i: one forward and one backward pass, through any backend.
-
-    Args:
-        splats: whatever their colours.
-        columns: so many of the image's first ones count; all if None.
-    """
+    """Sum over pixels of each Gaussian's blending weight alpha_i T_i, in pixels, >= 0, whatever
+    their colours: the derivative by c_i of the image's sum. `columns`: so many of the image's first
+    ones count; all if None."""
     white = torch.ones_like(splats.means).requires_grad_()
     shape = (splats.means, splats.quats, splats.scales, splats.opacities)
     alone = Splats(*(each.detach() for each in shape), colors=white)

@@ -1,10 +1,6 @@
-"""gsplat's CUDA kernels: its wheel brings their sources, and gsplat compiles them by itself.
-
-That takes half an hour of one core, once for each version of torch and kind of GPU, into torch's
-folder of extensions. gsplat looks for nvcc on PATH alone, and a process that begins to compile
-throws away what another one has compiled. Here nvcc is found, one process compiles at a time, and
-one text says what is missing.
-"""
+"""gsplat's CUDA kernels, which gsplat compiles by itself: half an hour of one core, once for each
+version of torch and kind of GPU. It looks for nvcc on PATH alone, and a process that begins throws
+away what another one has compiled. Here nvcc is found, and one process compiles at a time."""
 
 from __future__ import annotations
 
@@ -38,10 +34,8 @@ needs the least memory. `python -m desplat_ns.backend.compile_kernels gsplat` tr
 
 @cache
 def unavailable_reason() -> str | None:
-    """Why gsplat has no kernels, and what to install; None once they are loaded.
-
-    The first call on a machine compiles them.
-    """
+    """Why gsplat has no kernels, and what to install; None once they are loaded. The first call on
+    a machine compiles them."""
     with suppress(ImportError, OSError):
         importlib.import_module("gsplat.csrc")  # a wheel with kernels
         return None
@@ -83,10 +77,8 @@ def cuda_homes() -> Iterator[Path]:
 @contextmanager
 def _variables(home: Path, folder: Path) -> Iterator[None]:
     """The environment under which gsplat, torch and ninja find the toolkit; as before afterwards.
-
-    Wheels have libcudart.so.13 and not the libcudart.so that the linker asks for: a link to it is
-    made beside the kernels.
-    """
+    Beside the kernels lies a link to wheels' libcudart.so.13 by the name that the linker asks
+    for."""
     before = dict(os.environ)
     jobs = min(cores(), max(1, memory()[1] // BYTES_A_JOB))
     links = folder.parent / "links"

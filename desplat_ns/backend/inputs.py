@@ -26,9 +26,7 @@ MIN_FOCAL = 1e-12
 @torch.no_grad()
 def is_finite(splats: Splats) -> Bool[Tensor, " N"]:
     """Gaussians of finite values whose quaternion has a direction; of colours, see `finite_colors`.
-
-    A backend culls the others: they are not drawn, and their gradients are 0.
-    """
+    A backend culls the others: they are not drawn, and their gradients are 0."""
     norm2 = splats.quats.square().sum(-1)
     total = splats.means.sum(-1) + splats.scales.sum(-1) + splats.opacities
     good = torch.isfinite(total + norm2) & (norm2 > MIN_QUAT_NORM**2)
@@ -40,12 +38,9 @@ def is_finite(splats: Splats) -> Bool[Tensor, " N"]:
 def finite_colors(
     colors: Float[Tensor, "N C"] | Float[Tensor, "N K 3"],
 ) -> Bool[Tensor, " N"] | None:
-    """Gaussians whose colours have a finite sum of squares. On a CPU None if all have: the usual
-    case, in one pass over the memory; elsewhere the answer would have to be waited for.
-
-    Gradients are sums of products of colours: where those overflow, infinities meet and give NaN.
-    In float32 that leaves colours of up to 1e19.
-    """
+    """Gaussians whose colours have a finite sum of squares, in float32 up to 1e19: gradients are
+    sums of products of colours. On a CPU None if all have, which takes one pass; elsewhere the
+    answer would have to be waited for."""
     flat = colors.flatten()
     if colors.device.type == "cpu" and torch.dot(flat, flat).isfinite():
         return None

@@ -37,11 +37,8 @@ _LIMITS = Limits(np.float32(ALPHA_MAX), np.float32(ALPHA_CUTOFF), np.float32(TRA
 
 
 class NumbaRasterizer:
-    """Rasterizes on the CPU with compiled tile kernels. See `protocol.Rasterizer`.
-
-    Computes in float32 whatever the dtype of the splats, and returns float32. Three channels are
-    drawn at a time.
-    """
+    """Rasterizes on the CPU with compiled tile kernels, in float32 whatever the dtype of the
+    splats, three channels at a time. See `protocol.Rasterizer`."""
 
     name = "numba"
 

@@ -126,14 +126,9 @@ def uncut_colors(
     splats: Splats, view: View, shown: Bool[Tensor, " N"]
 ) -> tuple[Float[Tensor, "N 3"], Float[Tensor, "N 3"]]:
     """SH + 1/2 seen from `view`, negative ones too, which Eq. 7 of DeSplat tones; 0, without
-    gradients, where not `shown`. And the zeroth coefficients of all.
-
-    Float32 by the kernels of the `numba` backend on a CPU and by gsplat's on CUDA, else in plain
-    torch. Differentiable in the camera.
-
-    Args:
-        splats: with spherical harmonics.
-    """
+    gradients, where not `shown`. And the zeroth coefficients of all. Float32 by the kernels of the
+    `numba` backend on a CPU and by gsplat's on CUDA, else in plain torch. Differentiable in the
+    camera."""
     assert splats.sh_degree is not None
     center = view.center
     means, coefficients = splats.means, splats.colors

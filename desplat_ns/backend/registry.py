@@ -47,11 +47,7 @@ def _gsplat_unavailable(device: str) -> str | None:
 
 def unavailable_reason(name: str, device: str) -> str | None:
     """Why a backend cannot run on a device type ("cpu", "cuda") and what to do; None where it can.
-
-    On CUDA `auto` is gsplat or none: without its kernels the torch backend would be slow in
-    silence, and numba with the model on the CPU would leave the GPU idle for hours, in every run,
-    where one command and half an hour of compiling, once, are all that is missing.
-    """
+    On CUDA `auto` is gsplat or none: the others would be slow there in silence."""
     if name == "gsplat":
         return _gsplat_unavailable(device)
     if name == "numba" and device != "cpu":

@@ -25,11 +25,8 @@ def norm(degree: int, order: int) -> float:
 
 
 def legendre(degree: int, order: int) -> dict[int, float]:
-    """P(z) / sin(theta)^order of an associated Legendre function P, z being cos(theta): the
-    coefficients of a polynomial, by powers of z. The Condon-Shortley phase is left out.
-
-    Source: its order-th derivative of Rodrigues' formula, term by term.
-    """
+    """P(z) / sin(theta)^order of an associated Legendre function P, z being cos(theta), without the
+    Condon-Shortley phase: coefficients by powers of z. Source: Rodrigues' formula, term by term."""
     terms = {}
     for j in range((degree - order) // 2 + 1):
         power = degree - 2 * j

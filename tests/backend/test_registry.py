@@ -1,8 +1,5 @@
 from __future__ import annotations
 
-import subprocess
-import sys
-
 import pytest
 import torch
 
@@ -80,14 +77,3 @@ def test_the_command_compiles_what_the_machine_needs_and_fails_where_that_fails(
     assert compiled == (["numba", "gsplat"] if has_gpu else ["numba"])
     assert compile_kernels.main(["numba"]) == 0
     assert compile_kernels.main(["gsplat"]) == 1
-
-
-@pytest.mark.slow
-def test_backends_are_imported_only_when_asked_for():
-    code = (
-        "import sys, desplat_ns.backend\n"
-        "print([m for m in sys.modules if m.startswith(('gsplat', 'numba', 'nerfstudio'))\n"
-        " or m.startswith('desplat_ns.backend.') and m.endswith(('_tiles', '_cuda'))])"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "[]"
