@@ -1,9 +1,5 @@
 """How far from a camera the scene starts, by the reconstruction's points; nearer than a share of
-that, a rendering shows nothing.
-
-What hangs before a camera that took no photo contradicts none: three Gaussians that nobody sees in
-training can hide a whole new view.
-"""
+that, a rendering shows nothing: what hangs there contradicts no photo."""
 
 from __future__ import annotations
 

@@ -7,10 +7,9 @@ import numpy as np
 from jaxtyping import Bool, Float, Int, Num
 
 BEST_ANGLE, WIDTHS = 8.0, (5.0, 12.0)
-"""Degrees between the directions from which two photos see their common points: neighbours at
-`BEST_ANGLE` are preferred, as nearer ones show something in the way before the same background and
-farther ones show another side of the scene. Weights fall like Gaussians of these widths, below and
-above it."""
+"""Degrees between the directions from which two photos see their common points. Nearer neighbours
+show something in the way before the same background, farther ones another side of the scene;
+weights fall like Gaussians of these widths, below and above."""
 
 COMMON_POINTS = 10
 """Views with fewer common points have nothing to say of each other."""

@@ -41,9 +41,8 @@ def view_of(
     its width and height, if given. `camera_to_world` replaces the camera's own pose where a pose
     optimizer moved it.
 
-    Raises:
-        ConfigError: a camera of another kind, as a path of ns-render may have it. A photo's fisheye
-            was undistorted and has its terms still; that of a path has none.
+    Raises ConfigError of a camera of another kind, as a path of ns-render may have it. A photo's
+    fisheye was undistorted and has its terms still; that of a path has none.
     """
     pose = camera.camera_to_worlds[0] if camera_to_world is None else camera_to_world
     intrinsics = camera.get_intrinsics_matrices()[0].to(pose)

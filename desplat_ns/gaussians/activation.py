@@ -59,10 +59,8 @@ def _activate(params: RawParameters, colors: Tensor, sh_degree: int | None) -> S
 
 
 def sigmoid(logits: Float[Tensor, "*shape"]) -> Float[Tensor, "*shape"]:
-    """1 / (1 + exp(-x)), with the same bits for any number of threads.
-
-    `torch.sigmoid` (2.15) rounds the last few elements of each thread's share differently on a CPU.
-    """
+    """1 / (1 + exp(-x)), with the same bits for any number of threads: `torch.sigmoid` (2.15)
+    rounds the last few elements of each thread's share differently on a CPU."""
     return _Sigmoid.apply(logits) if logits.device.type == "cpu" else torch.sigmoid(logits)  # type: ignore[return-value]
 
 
@@ -84,31 +82,25 @@ class _Sigmoid(torch.autograd.Function):
 
 
 def clamp_colors(rgbs: Float[Tensor, "N 3"]) -> Float[Tensor, "N 3"]:
-    """Colours clamped to [0, 1]; the gradient is 1 on the closed range and 0 beyond it.
-
-    `torch.clamp` (2.15) gives 0 on the border as well, where a black or white distractor would stay
-    for ever.
-    """
+    """Colours clamped to [0, 1]; the gradient is 1 on the closed range and 0 beyond it. By
+    `torch.clamp` (2.15) it is 0 on the border too: what is black or white would stay so for
+    ever."""
     beyond = (rgbs < 0) | (rgbs > 1)
     return torch.where(beyond, rgbs.detach().clamp(0, 1), rgbs)
 
 
 @torch.no_grad()
 def keep_colors_in_range(params: RawParameters) -> None:
-    """Put distractors' colours that a step moved beyond [0, 1] back on the border.
-
-    The clamp in rendering has no gradient beyond the border: a colour left there would stay.
-    """
+    """Put distractors' colours that a step moved beyond [0, 1], where the clamp has no gradient,
+    back on the border."""
     params["rgbs"].clamp_(0, 1)
 
 
 @torch.no_grad()
 def resize_rows(params: nn.ParameterDict, saved: Mapping[str, Tensor], prefix: str) -> None:
-    """Give parameters as many rows as a checkpoint has, in place.
-
-    Optimizers hold these very objects: a new Parameter (as Splatfacto 1.1.5 makes on loading) would
-    leave them with the old one, and the Gaussians would never move again.
-    """
+    """Give parameters as many rows as a checkpoint has, in place: optimizers hold these very
+    objects, and Gaussians in new ones (as Splatfacto 1.1.5 makes on loading) would never move
+    again."""
     for name, parameter in params.items():
         value = saved.get(prefix + name)
         if value is not None and value.shape[1:] == parameter.shape[1:]:

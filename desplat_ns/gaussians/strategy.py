@@ -1,9 +1,7 @@
 """Adaptive density control of the static set: gsplat's, with its own sample and limit of growth.
 
-An interval between refinements is no schedule but a sample. A refinement judges by gradients
-averaged since the last one, so the sample must not shrink with the length of a run: over a quarter
-of the views it is mostly noise, and noise is cloned into floaters (docs/explain/separation.md, "How
-often Gaussians are refined").
+An interval between refinements is no schedule but a sample, which must not shrink with the length
+of a run (docs/explain/separation.md, "How often Gaussians are refined").
 """
 
 from __future__ import annotations
@@ -29,10 +27,8 @@ LAST = "last_step"
 
 
 def crossed(state: Mapping[str, Any], step: int, every: int) -> bool:
-    """Whether a multiple of `every` was reached since the last call.
-
-    Schedules may pass over a nominal step, and those that go by time may stay at one.
-    """
+    """Whether a multiple of `every` was reached since the last call: schedules may pass over a
+    nominal step, and those that go by time may stay at one."""
     return step // every > state.get(LAST, step - 1) // every
 
 
@@ -43,14 +39,9 @@ def sample(
     state: dict[str, Any],
     info: dict[str, Any],
 ) -> None:
-    """Add the gradients of a visit to the statistics in `state`, by which `refine` judges.
-
-    As gsplat's `_update_state`, but for rounding, for a single camera. That one picks out the rows
-    that the view shows, and the host has to wait for their number three times.
-
-    Args:
-        info: of the rendering, as gsplat's strategies read it.
-    """
+    """Add the gradients of a visit to the statistics in `state`, by which `refine` judges: gsplat's
+    `_update_state` for a single camera, but for rounding and for the host, which would have to wait
+    for the number of rows three times. `info`: of the rendering, as gsplat's strategies read it."""
     means2d, radii = info[strategy.key_for_gradient], info["radii"][0]
     gradients = (means2d.absgrad if strategy.absgrad else means2d.grad)[0].clone()
     gradients[:, 0] *= info["width"] / 2.0 * info["n_cameras"]
@@ -156,13 +147,9 @@ class StaticStrategy(DefaultStrategy):
     def _let_the_strongest_grow(
         self, params: nn.ParameterDict, state: dict[str, Any], step: int
     ) -> None:
-        """Where more would grow than there is room for, the smaller gradients have to wait.
-
-        Every clone and every split adds one. Splatfacto splits what is wide on the screen as well,
-        whatever its gradient; in small images that is most of a set. gsplat clones and splits a
-        small one with a high gradient that is wide on the screen: that adds two. The host waits
-        for nothing here.
-        """
+        """Where more would grow than there is room for, the smaller gradients have to wait. A clone
+        or a split adds one; gsplat does both to a small one with a high gradient that is wide on
+        the screen. The host waits for nothing here."""
         gradients: Tensor = state["grad2d"] / state["count"].clamp_min(1)
         steep = gradients > self.grow_grad2d
         small = params["scales"].exp().amax(dim=-1) <= self.grow_scale3d * state["scene_scale"]
