@@ -19,10 +19,7 @@ MASK_THRESHOLD = 0.5
 def composite_alpha(
     alpha_d: Float[Tensor, "H W 1"], alpha_s: Float[Tensor, "H W 1"]
 ) -> Float[Tensor, "H W 1"]:
-    """Opacity of the distractors drawn over the static scene, in [0, 1].
-
-    Source: the summand of Eq. 9.
-    """
+    """Opacity of the distractors drawn over the static scene, in [0, 1]: the summand of Eq. 9."""
     return alpha_d + (1 - alpha_d) * alpha_s
 
 

@@ -76,8 +76,7 @@ def distractor_opacity_loss(
 def static_transparency_loss(
     alpha_s: Float[Tensor, "H W 1"], where: Float[Tensor, "H W 1"] | None = None
 ) -> Float[Tensor, ""]:
-    """Mean transparency of the static scene, in [0, 1]: it should fill the image by itself. A pixel
-    counts by `where`, in [0, 1].
+    """Mean transparency of the static scene, in [0, 1], a pixel counting by `where`, in [0, 1].
 
     Source: Eq. 5, the term weighted by lambda_s; `where` is ours.
     """

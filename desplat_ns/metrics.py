@@ -1,9 +1,6 @@
-"""Figures that say how good a rendering or a distractor mask is.
-
-PSNR, SSIM and LPIPS are Splatfacto's, so that figures compare: data range 1, SSIM by
-pytorch_msssim (11 x 11 Gaussian window), LPIPS by torchmetrics on AlexNet, or on VGG16 if that is
-asked for.
-"""
+"""Figures that say how good a rendering or a distractor mask is. PSNR, SSIM and LPIPS are
+Splatfacto's, so that they compare: data range 1, SSIM by pytorch_msssim (11 x 11 Gaussian window),
+LPIPS by torchmetrics on AlexNet, or on VGG16 if that is asked for."""
 
 from __future__ import annotations
 
@@ -81,12 +78,9 @@ def lpips_weights(net: LpipsNet = "alex") -> Path:
 
 
 class LazyLpips:
-    """LPIPS that is built when first called, and lives outside the model's modules.
-
-    Stands in for torchmetrics' `LearnedPerceptualImagePatchSimilarity(normalize=True)`. Being no
-    `nn.Module`, it never enters a checkpoint. Where its weights cannot be had, every call gives
-    None, `reason` says why, and the console says so once.
-    """
+    """torchmetrics' `LearnedPerceptualImagePatchSimilarity(normalize=True)`, built when first
+    called and no `nn.Module`: it never enters a checkpoint. Where its weights cannot be had, every
+    call gives None, `reason` says why, and the console says so once."""
 
     def __init__(self, normalize: bool = True) -> None:
         self.normalize = normalize

@@ -59,10 +59,8 @@ class LayerControl(ViewerControl):
         return self.names.index(self.view.value)
 
     def chosen(self, outputs: dict[str, Tensor]) -> dict[str, Tensor]:
-        """The same outputs with the chosen layer as `rgb`.
-
-        Reads rgb_composite and rgb_distractor, both [H, W, 3], and distractor_mask [H, W, 1].
-        """
+        """The same outputs with the chosen layer as `rgb`, of rgb_composite and rgb_distractor,
+        both [H, W, 3], and distractor_mask [H, W, 1]."""
         if self.train_idx() is None:
             return outputs
         composite = outputs["rgb_composite"]

@@ -15,13 +15,7 @@ from skimage.metrics import structural_similarity
 from torch import nn
 
 from desplat_ns import metrics
-from desplat_ns.metrics import (
-    PSNR_MAX,
-    LazyLpips,
-    image_metrics,
-    psnr,
-    ssim,
-)
+from desplat_ns.metrics import PSNR_MAX, LazyLpips, image_metrics, psnr, ssim
 
 
 def _pair(seed: int = 0, height: int = 24, width: int = 31) -> tuple[torch.Tensor, torch.Tensor]:

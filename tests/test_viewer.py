@@ -14,15 +14,6 @@ from tests.helpers.small_model import make_model
 NAMES = [f"{number}.jpg" for number in range(5)]
 
 
-def test_an_evaluation_has_the_static_layer_whatever_the_viewer_says():
-    control = LayerControl(NAMES)
-    assert control.train_idx() is None
-    control.layer.value, control.view.value = "mask", "3.jpg"
-    assert control.train_idx() == 3
-    with control.suspended():
-        assert control.train_idx() is None
-
-
 def test_nerfstudios_viewer_finds_all_controls_on_the_pipeline():
     pipeline = DeSplatPipeline.__new__(DeSplatPipeline)
     nn.Module.__init__(pipeline)

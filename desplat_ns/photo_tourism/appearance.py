@@ -47,10 +47,9 @@ Lit = Callable[[Tensor], Splats]
 def fourier_features(
     points: Float[Tensor, "N 3"], frequencies: int = FREQUENCIES
 ) -> Float[Tensor, "N Z"]:
-    """Sines and cosines of pi 2^m p for m = 0 .. frequencies - 1; Z = 6 frequencies.
-
-    p are the points, centred on their mean and divided by the `CENTRAL_QUANTILE` of their largest
-    coordinates, so that most lie within [-1, 1].
+    """Sines and cosines of pi 2^m p for m = 0 .. frequencies - 1, Z = 6 frequencies; p are the
+    points, centred on their mean and divided by the `CENTRAL_QUANTILE` of their largest
+    coordinates.
 
     Source: the start of z_i, App. B.3; the frequencies are those of the authors' code.
     """
@@ -67,21 +66,15 @@ def fourier_features(
 def toned_color(
     color: Float[Tensor, "N 3"], gamma: Float[Tensor, "N 3"], beta: Float[Tensor, "N 3"]
 ) -> Float[Tensor, "N 3"]:
-    """gamma c + beta, colours in [0, 1].
-
-    Source: Eq. 7.
-    """
+    """gamma c + beta, colours in [0, 1]. Source: Eq. 7."""
     return gamma * color + beta
 
 
 def toned_coefficients(
     coefficients: Float[Tensor, "N K 3"], gamma: Float[Tensor, "N 3"], beta: Float[Tensor, "N 3"]
 ) -> Float[Tensor, "N K 3"]:
-    """SH coefficients whose colour, SH + 1/2, is the toned colour of the given ones everywhere.
-
-    gamma (S + 1/2) + beta = S' + 1/2 for all directions: every coefficient times gamma, and the
-    zeroth shifted by (beta + gamma / 2 - 1/2) / C0. It is the colour before it is clamped at 0 that
-    is toned.
+    """SH coefficients whose colour before it is clamped, SH + 1/2, is the toned colour of the given
+    ones everywhere: all times gamma, the zeroth shifted by (beta + gamma / 2 - 1/2) / C0.
 
     Source: Eq. 7.
     """
@@ -166,10 +159,7 @@ class AffineAppearance(_Appearance):
         rows: Int[Tensor, " R"] | None = None,
     ) -> tuple[Float[Tensor, "N 3"], Float[Tensor, "N 3"]]:
         """(beta, gamma) for e_j, z_i and the zeroth SH coefficient, of the given rows; all others
-        get (0, 1).
-
-        Source: Eq. 6.
-        """
+        get (0, 1). Source: Eq. 6."""
         shift, scale = self._predict(embedding, [features, zeroth], rows).split(3, 1)
         return shift, 1 + scale
 

@@ -82,10 +82,7 @@ class SharedBackground(nn.Module):
 
 
 class Background(nn.Module):
-    """The SH coefficients of an image's own background.
-
-    Source: Eq. 8; sizes of B.3.
-    """
+    """The SH coefficients of an image's own background. Source: Eq. 8; sizes of B.3."""
 
     def __init__(self):
         """Build the MLP; until it is trained, the background is grey."""

@@ -81,12 +81,10 @@ def fit_response(
     """The numbers with which the scene's colours come closest to a photo's.
 
     Gauss-Newton from the mean on the Geman-McClure loss of the differences. Its scale shrinks from
-    step to step, from ten times `OUTLIER`, which finds large changes of exposure, and once more
-    from `OUTLIER` itself, if something large stands in front; the better end counts. Pixels in
-    which the photo is at the end of its range say nothing and are left out.
-
-    The prior `PRIOR_STD` weighs by the differences' variance: what a scene has not learned, or no
-    other photo shows, is no light of the photo.
+    step to step, from ten times `OUTLIER`, for large changes of exposure, and once more from
+    `OUTLIER` itself, for something large in front; the better end counts. Pixels in which the photo
+    is at the end of its range are left out. The prior `PRIOR_STD` weighs by the differences'
+    variance: what a scene has not learned is no light of the photo.
 
     Args:
         rgb: the scene's colours, >= 0.

@@ -45,9 +45,8 @@ class ImageEffects(nn.Module):
 
     The embedding [E] of an image is all that is known of its light: the numbers of its camera's
     response, then what the networks of appearance and background read, as far as these are on.
-    Both are dense parameters with a row for each training image: Adam moves a row on by its
-    momentum after the step that saw the image, so a visit counts for some ten steps of the learning
-    rate. B.3's rate is made for it.
+    Both are dense parameters with a row for each training image, which Adam's momentum moves on
+    after the step that saw the image; B.3's rate is made for it.
     """
 
     def __init__(

@@ -1,6 +1,5 @@
 """Toning of colours: Eq. 6-7 in float64, through spherical harmonics, the identity at the start."""
 
-from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -71,22 +70,6 @@ def test_eq_6_reads_embedding_features_and_the_zeroth_coefficient():
     beta, gamma = model.tones(embedding, features, zeroth)
     torch.testing.assert_close(beta, expected[:, :3])
     torch.testing.assert_close(gamma, 1 + expected[:, 3:])
-
-
-def test_the_first_step_of_adam_moves_all_tones_by_its_rate_times_the_scale():
-    """Adam's first step is as long as its rate; the weights before the last bias are still 0."""
-    scale = 0.01
-    model = AffineAppearance(replace(UNSCALED, mlp_scale=scale)).double()
-    inputs = numbers(32), numbers(NUM, FEATURES, seed=1), numbers(NUM, 3, seed=2)
-    optimizer = torch.optim.Adam([model.head.bias], lr=5e-4, eps=1e-15)
-    beta, gamma = model.tones(*inputs)
-    assert (beta == 0).all() and (gamma == 1).all()
-    (beta - gamma).sum().backward()
-    optimizer.step()
-    beta, gamma = model.tones(*inputs)
-    moved = torch.full((NUM, 3), 5e-4 * scale, dtype=torch.float64)
-    torch.testing.assert_close(beta, -moved, rtol=1e-9, atol=0)
-    torch.testing.assert_close(gamma - 1, moved, rtol=1e-9, atol=0)
 
 
 def test_the_sh_model_adds_up_to_the_active_degree():
