@@ -30,10 +30,8 @@ class Clock:
     """Seconds of the steps of a run, those ahead included."""
 
     def __init__(self, pipeline: Any, fixed: float, pixel: float):
-        """Args:
-        pipeline: the `DeSplatPipeline` of the run, where it starts or goes on.
-        fixed, pixel: seconds of a step, whatever it draws, and of a pixel more.
-        """
+        """`pipeline`: of the run, where it starts or goes on; `fixed`, `pixel`: seconds of a step,
+        whatever it draws, and of a pixel more."""
         self.pipeline, self.fixed, self.pixel = pipeline, fixed, pixel
         self.taken = self.expected = TRUST
         self.start = self._grown()
@@ -63,10 +61,8 @@ class Clock:
         warmup = config.distractors.warmup
         at = schedule.nominal(RunStep(step))
         drawn = self.pipeline.datamanager.get_train_rays_per_batch()
-        ahead, added = (
-            max(0.0, min(1.0, at / config.stop_split_at) - done),
-            ADDED * sqrt(drawn / 1e6),
-        )
+        ahead = max(0.0, min(1.0, at / config.stop_split_at) - done)
+        added = ADDED * sqrt(drawn / 1e6)
         count = now + ahead * (now - start + SHARE * added) / (done - begun + SHARE)
         drawn /= config.downscale_factor(at, drawn) ** 2
         if model.distractors is not None and at >= warmup:

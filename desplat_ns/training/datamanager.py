@@ -64,13 +64,8 @@ class DeSplatDataManagerConfig(FullImageDatamanagerConfig):
 
     def settle_dataparser(self) -> DataParserConfig:
         """Put the dataparser that reads the capture in the place of `desplat-data`, and ours in
-        the place of upstream's that ask questions; once settled it stays. Returns it.
-
-        Raises:
-            CaptureError: no capture is found.
-            ConfigError: as `without_prompts`, options that the capture's layout has no use for, or
-                numbers that cannot be.
-        """
+        the place of upstream's that ask questions; once settled it stays. Returns it. Raises
+        CaptureError where there is no capture, and as `without_prompts` and `check_ranges`."""
         check_ranges(self, "--pipeline.datamanager")
         if self.data is not None:
             self.dataparser.data = Path(self.data)  # pyright: ignore[reportAttributeAccessIssue]
@@ -90,20 +85,14 @@ def training_split(config: DeSplatDataManagerConfig) -> DataparserOutputs:
 
 
 class DeSplatDataManager(FullImageDatamanager[CaptureDataset]):
-    """nerfstudio's full-image datamanager, also without CUDA.
-
-    The cameras of training views carry `metadata["train_idx"]` ([1, 1], the number of the view);
-    those of held-out views do not. `cam_idx`, which the viewer always sends, means nothing.
-    """
+    """nerfstudio's full-image datamanager, also without CUDA. The cameras of training views carry
+    `metadata["train_idx"]` ([1, 1], the number of the view)."""
 
     config: DeSplatDataManagerConfig
 
     def create_train_dataset(self) -> CaptureDataset:
-        """Training photos, numbered.
-
-        Raises:
-            CaptureError: fewer than two, or photos that cannot be used.
-        """
+        """Training photos, numbered. Raises CaptureError where they are fewer than two, or some
+        cannot be used."""
         dataset = super().create_train_dataset()
         if len(dataset) < 2:
             raise CaptureError(
@@ -129,11 +118,7 @@ class DeSplatDataManager(FullImageDatamanager[CaptureDataset]):
         return dataset
 
     def create_eval_dataset(self) -> CaptureDataset:
-        """Held-out photos.
-
-        Raises:
-            CaptureError: none, or photos that cannot be used.
-        """
+        """Held-out photos. Raises CaptureError where there is none, or some cannot be used."""
         dataset = super().create_eval_dataset()
         if len(dataset) == 0:
             raise CaptureError(

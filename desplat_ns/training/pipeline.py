@@ -131,13 +131,8 @@ class DeSplatPipeline(VanillaPipeline):
         return results
 
     def evaluate_held_out(self, show: Show) -> dict[str, Any]:
-        """What `ns-eval` writes of the held-out photos.
-
-        Args:
-            show: gets their pictures.
-
-        Raises as `evaluate`.
-        """
+        """What `ns-eval` writes of the held-out photos; `show` gets their pictures. Raises as
+        `evaluate`."""
         manager = self.datamanager
         paths = manager.eval_dataset.image_filenames
         return self._evaluated(manager.fixed_indices_eval_dataloader, paths, show, in_full=True)
@@ -173,21 +168,14 @@ class DeSplatPipeline(VanillaPipeline):
         """Nothing is taken over from the record: it is compared before loading."""
 
     def load_pipeline(self, loaded_state: dict[str, Any], step: int) -> None:
-        """Load a checkpoint's pipeline as it stood after `step`.
-
-        Raises:
-            CheckpointError: it belongs to another scene or other effects, and nothing has been
-                changed then; or parameters do not fit.
-        """
+        """Load a checkpoint's pipeline as it stood after `step`. Raises CheckpointError where it
+        belongs to another scene or other effects, when nothing is changed, or does not fit."""
         self.load_state_dict(loaded_state)
         self._model.update_to_step(step)
 
     def load_state_dict(self, state_dict: Mapping[str, Any], strict: bool | None = None) -> None:
         """Always strict: nerfstudio 1.1.5 retries `strict=False`, which hides missing parameters.
-
-        Raises:
-            CheckpointError: as `load_pipeline`.
-        """
+        Raises as `load_pipeline`."""
         saved = SceneRecord.from_state(state_dict.get("_extra_state"))
         saved.check_fits(self.scene_record())
         try:

@@ -14,8 +14,7 @@ from torch import Tensor
 from desplat_ns.core.errors import CheckpointError
 
 POSE_TOLERANCE = 1e-4
-"""Of the scene's size: a tenth of a pixel in a photo of 1000. Processors round by less: poses are
-sums over all photos, in float32, so by 6e-8 for each at most."""
+"""Of the scene's size: a tenth of a pixel in a photo of 1000. Processors round by less."""
 
 
 @dataclass(frozen=True)
@@ -34,10 +33,7 @@ class SceneRecord:
 
     @classmethod
     def from_state(cls, state: object) -> SceneRecord:
-        """Read a record back.
-
-        Raises CheckpointError where there is none, or one that this version cannot read.
-        """
+        """Read a record back. Raises CheckpointError where this version can read none."""
         names = {field.name for field in fields(cls)}
         if not isinstance(state, Mapping) or {*state, "cameras"} != names:
             raise CheckpointError(
@@ -80,11 +76,8 @@ class SceneRecord:
 
 
 def rng_state() -> dict[str, Any]:
-    """State of the random generators of torch (CPU, and every GPU if one is in use) and Python;
-    nothing in training draws from numpy's.
-
-    Tensors and plain Python values only, so that `torch.load(weights_only=True)` reads it.
-    """
+    """State of the random generators of torch (CPU, and every GPU if one is in use) and Python, as
+    `torch.load(weights_only=True)` reads it; nothing in training draws from numpy's."""
     return {
         "torch": torch.get_rng_state(),
         "cuda": torch.cuda.get_rng_state_all() if torch.cuda.is_initialized() else [],

@@ -70,11 +70,9 @@ class RunConfig(TrainerConfig):
         announce(f"{self.method_name} trains on {data}. Its settings will be in {config}")
 
     def save_config(self) -> None:
-        """Check what can be checked at once; nothing is written yet, see `write_config`.
-
-        ns-train calls it before it starts any process. Raises ConfigError where there would be
-        several, or where a number lies outside its range.
-        """
+        """Check what can be checked before ns-train starts any process; nothing is written yet, see
+        `write_config`. Raises ConfigError where there would be several processes, or a number lies
+        outside its range."""
         begin_run()
         check_ranges(self)
         check_ranges(self.pipeline.model, "--pipeline.model")
@@ -85,12 +83,8 @@ class RunConfig(TrainerConfig):
             )
 
     def write_config(self) -> None:
-        """Write config.yml with all that was settled: ns-eval has no trainer to do it. Paths are
-        absolute: it may be started in another folder.
-
-        The trainer calls it once the run is set up. A command that fails before that leaves nothing
-        behind, and does not overwrite the config.yml of an earlier run.
-        """
+        """Write config.yml with all that was settled, paths absolute, once the run is set up: a
+        command that fails before leaves nothing behind, and an earlier run's as it was."""
         write_enumerations_by_value()
         manager = self.pipeline.datamanager
         for config in (self, manager, getattr(manager, "dataparser", None)):
@@ -100,13 +94,8 @@ class RunConfig(TrainerConfig):
         super().save_config()
 
     def setup(self, **kwargs: Any) -> Any:
-        """Build the trainer, once the dataparser is recognised.
-
-        Raises:
-            CaptureError: no capture is found.
-            ConfigError: an option is no finite number or no time, or the capture has no use for it;
-                or there would be several processes, or scaled gradients.
-        """
+        """Build the trainer, once the dataparser is recognised. Raises as `save_config`,
+        `seconds_of` and `settle_dataparser`, and ConfigError where gradients would be scaled."""
         self.save_config()
         if self.budget:
             seconds_of(self.budget)
@@ -129,20 +118,10 @@ class RunConfig(TrainerConfig):
         return None
 
     def decide_effects(self, saved: SavedRun | None, capture: Capture) -> Survey | None:
-        """With `effects.auto` those of the checkpoint, or those that the capture calls for;
-        config.yml then has them, for ns-eval and the next resume.
-
-        Args:
-            saved: what the run goes on from.
-            capture: to survey.
-
-        Returns:
-            The survey's findings, if there was one.
-
-        Raises:
-            CaptureError: photos that cannot be surveyed, or most of which do not go with the
-                points, in a run that does not go on from another.
-        """
+        """With `effects.auto` those of the checkpoint that the run goes on from, or those that the
+        capture calls for; config.yml then has them, for ns-eval and the next resume. Returns the
+        survey's findings, if there was one. Raises CaptureError where photos cannot be surveyed, or
+        most do not go with the points in a new run."""
         model: Any = self.pipeline.model
         findings = None
         is_auto = isinstance(model, DeSplatModelConfig) and model.effects.auto
@@ -158,8 +137,8 @@ class RunConfig(TrainerConfig):
 
     def settle_length(self, capture: Capture) -> None:
         """Where no number of steps is given, as many as the photos of a capture ask for, or with a
-        budget the method's own number at most; and the model's `schedule_scale`, where it is None.
-        Once settled it stays, whatever becomes of the number of steps."""
+        budget the method's own number at most; and the model's `schedule_scale`, where it is
+        None."""
         if self.max_num_iterations == 0 and self.visits > 0 and not self.budget:
             photos = len(capture().cameras)
             visits = self.visits * (1 if self.machine.device_type == "cpu" else GPU_VISITS)

@@ -1,8 +1,5 @@
-"""Keeps losses and gradients that are not finite from being learned.
-
-A step is judged between its backward pass and its optimizer step. If it is unsound, nothing of it
-stays: not in parameters and moments, not in what densification and placement remember.
-"""
+"""Keeps losses and gradients that are not finite from being learned: of an unsound step nothing
+stays, neither in parameters and moments nor in what densification and placement remember."""
 
 from __future__ import annotations
 

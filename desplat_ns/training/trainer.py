@@ -1,7 +1,4 @@
-"""The training run: schedules of the run's length, checkpoints that survive, resume that resumes.
-
-nerfstudio's loop does the training; here is only what it leaves open.
-"""
+"""The training run: what nerfstudio's loop leaves open of schedules, checkpoints and resuming."""
 
 from __future__ import annotations
 
@@ -73,10 +70,8 @@ class DeSplatTrainerConfig(RunConfig):
 
 
 class DeSplatTrainer(Trainer):
-    """nerfstudio's Trainer with a clock, guarded steps, atomic checkpoints, exact resume.
-
-    Ctrl+C, or SIGTERM, ends the run after the step at hand and saves; a second one ends it at once.
-    """
+    """nerfstudio's Trainer with a clock, guarded steps, atomic checkpoints, exact resume. Ctrl+C,
+    or SIGTERM, ends the run after the step at hand and saves; a second one ends it at once."""
 
     config: DeSplatTrainerConfig
     optimizers: GuardedOptimizers
@@ -244,12 +239,9 @@ class DeSplatTrainer(Trainer):
             schedule.aim(at, schedule.nominal(at), self.total, end)
 
     def _prices_of_steps(self, each: int) -> tuple[float, float]:
-        """Prices for a `Clock`, from steps on photos of the smallest and of the largest size that
-        are coming: medians of `each`.
-
-        Nothing of the run changes: another model trains, then random generators and the order of
-        photos are as before.
-        """
+        """Prices for a `Clock`, by medians of `each` steps on photos of the smallest and of the
+        largest size that are coming. Another model trains; then random generators and the order of
+        photos are as before."""
         pipeline, manager, kept = self.pipeline, self.pipeline.datamanager, self.pipeline.model
         state, order = resume.rng_state(), manager.sampler_state()
         sizes, pixels = kept.config.downscale_factor, manager.get_train_rays_per_batch()
@@ -364,12 +356,9 @@ class DeSplatTrainer(Trainer):
         return loss.detach(), {name: term.detach() for name, term in terms.items()}, metrics
 
     def eval_iteration(self, step: int) -> None:
-        """Evaluate the static scene, where it is due, and leave the random generators as they were.
-
-        So training does not depend on what is evaluated when, nor on what a metric draws when it
-        is first built: a resumed run builds it at another step than one in one go. Where it fails,
-        what is trained is saved before that ends the run.
-        """
+        """Evaluate the static scene, where it is due, and leave the random generators as they were:
+        a resumed run first builds a metric, which may draw, at another step. Where it fails, what
+        is trained is saved before that ends the run."""
         config = self.config
         intervals = (config.steps_per_eval_batch, config.steps_per_eval_image)
         if not any(step_check(step, n) for n in (*intervals, config.steps_per_eval_all_images)):
@@ -388,11 +377,8 @@ class DeSplatTrainer(Trainer):
             self._line.start()
 
     def _after_train(self) -> None:
-        """Save and report, in place of nerfstudio's; raise the guard's error if it stopped the run.
-
-        A run stopped before a step has not done it, contrary to nerfstudio's count, which would
-        then skip that step on resume; before the first there is nothing to save.
-        """
+        """Save and report, in place of nerfstudio's, which counts the step before which a run was
+        stopped as done; raise the guard's error if it stopped the run."""
         self.step, self.training_state = self._steps_done - 1, "completed"
         if self._steps_done == 0:
             announce("Stopped before the first step: nothing to save.")
@@ -445,11 +431,8 @@ class DeSplatTrainer(Trainer):
     @check_main_thread
     def save_checkpoint(self, step: int) -> None:
         """Save the state after `step`, whole or not at all; only afterwards older ones go, but for
-        the one before.
-
-        Where it cannot be written on the way, that is said and training goes on: hours of it are
-        worth more than one save. Raises CheckpointError where the run's last one cannot.
-        """
+        the one before. Where it cannot be written on the way, that is said and training goes on;
+        raises CheckpointError where the run's last one cannot."""
         path, began = checkpoint_path(self.checkpoint_dir, step), time.monotonic()
         try:
             save_atomically(self._state(step), path)

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from desplat_ns.core.schedule import RunStep, Schedule
-from desplat_ns.training.clock import ADDED, GAUSSIAN, LAYER, LOOK, Clock
+from desplat_ns.training.clock import GAUSSIAN, LAYER, LOOK, Clock
 
 SIZE, VIEWS, STEPS, START, WARMUP = 100_000, 40, 1_000, 5_000, 6_000
 FIXED, PIXEL = 0.02, 1e-6
@@ -35,27 +35,6 @@ def a_run(
 
 def halves(nominal: int, _: float) -> float:
     return 4 if nominal < 15_000 else 1
-
-
-def test_larger_photos_that_are_coming_and_the_end_of_growth_are_counted():
-    run = a_run(halves, most=START)
-    seconds = STEPS * (FIXED + PIXEL * SIZE * (1 / 16 + 1) / 2)
-    assert Clock(run, FIXED, PIXEL).left(0, STEPS) == pytest.approx(seconds, rel=1e-9)
-    grown = Clock(a_run(halves), FIXED, PIXEL).left(0, STEPS) - seconds
-    assert grown == pytest.approx(
-        STEPS * PIXEL * GAUSSIAN * ADDED * (SIZE / 1e6) ** 0.5 * 0.75, rel=2e-3
-    )
-
-
-def test_distractors_and_the_first_looks_come_after_the_warm_up():
-    plain, layered = (
-        Clock(a_run(most=START, distractors=some), FIXED, PIXEL) for some in (None, object())
-    )
-    after = STEPS * (1 - WARMUP / 30_000) * LAYER * SIZE + VIEWS * LOOK
-    assert layered.left(0, STEPS) - plain.left(0, STEPS) == pytest.approx(PIXEL * after, rel=1e-2)
-    assert layered.left(300, STEPS) - plain.left(300, STEPS) == pytest.approx(
-        PIXEL * 700 * LAYER * SIZE, rel=1e-9
-    )
 
 
 @pytest.mark.parametrize("added", [0, 15_000, 60_000, 120_000])

@@ -28,10 +28,7 @@ from desplat_ns.data.parsers import without_prompts
 from desplat_ns.data.photo_tourism import PhotoTourismDataParserConfig
 from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
 from desplat_ns.data.transforms_json import TransformsDataParser
-from desplat_ns.training.datamanager import (
-    DeSplatDataManager,
-    DeSplatDataManagerConfig,
-)
+from desplat_ns.training.datamanager import DeSplatDataManager, DeSplatDataManagerConfig
 from tests.helpers.lenses import distort
 
 
