@@ -130,12 +130,8 @@ class DeSplatModel(SplatfactoModel):
 
     @property
     def rasterizer(self) -> Rasterizer:
-        """The backend, chosen when first needed.
-
-        Raises:
-            BackendUnavailableError: in training, if the configured backend cannot run here. What
-                was trained elsewhere is rendered with what there is.
-        """
+        """The backend, chosen when first needed. Raises BackendUnavailableError in training, if it
+        cannot run here; what was trained elsewhere is rendered with what there is."""
         if self._rasterizer is None:
             try:
                 self._rasterizer = resolve(self.config.backend, self.device.type)
@@ -304,9 +300,8 @@ class DeSplatModel(SplatfactoModel):
         return small.float() / 255.0 if image.dtype == torch.uint8 else small
 
     def mask_of(self, batch: dict[str, Any], device: torch.device) -> Tensor | None:
-        """The user's mask [H, W, 1], True in the pixels that count: where photos are smaller than
-        they are, if at least half of the rectangle counts (`resize_mask`). None if there is none.
-        """
+        """The user's mask [H, W, 1], True in the pixels that count, of smaller photos those of
+        which at least half does (`resize_mask`). None if there is none."""
         if "mask" not in batch:
             return None
         return (self._downscale_if_required(batch["mask"].float()) >= 0.5).to(device)
@@ -319,10 +314,7 @@ class DeSplatModel(SplatfactoModel):
 
     def step_post_backward(self, step: int) -> None:
         """Commit the step at hand after the optimizers': densify the static set, then the set of
-        the view just seen.
-
-        Raises DeSplatError where no static Gaussian is left.
-        """
+        the view just seen. Raises DeSplatError where no static Gaussian is left."""
         done, self.train_step = self.train_step, None
         if done is None:
             return
@@ -449,11 +441,9 @@ class DeSplatModel(SplatfactoModel):
     # --- the light of an image ---------------------------------------------------------------
 
     def embedding_of(self, index: int | None) -> Tensor:
-        """The image embedding [E] to draw with, empty where images do not differ.
-
-        In training that of training view `index`; else the one chosen to be shown, else that of
-        view `index`, or the average of all if it is None.
-        """
+        """The image embedding [E] to draw with, empty where images do not differ: in training that
+        of view `index`; else the one chosen to be shown, that of view `index`, or the average of
+        all."""
         if self.training and index is not None:
             return self.image_effects.of(index)
         return self.shown_light.embedding(self.image_effects, index)
@@ -473,10 +463,8 @@ class DeSplatModel(SplatfactoModel):
     def image_of(
         self, static: Rendering, background: Tensor, view: View, embedding: Tensor
     ) -> Tensor:
-        """The static scene over the background [H, W, 3], as the image's camera shows it.
-
-        Colours may be beyond 1.
-        """
+        """The static scene over the background [H, W, 3], as the image's camera shows it; colours
+        may be beyond 1."""
         image = over_background(static.rgb, static.alpha, background)
         return self.image_effects.apply_camera_response(image, view, embedding)
 

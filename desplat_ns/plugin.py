@@ -46,13 +46,11 @@ _METRICS: dict[str, Any] = {
 
 @contextmanager
 def splatfacto_modules_without_torchmetrics() -> Iterator[None]:
-    """Within, `SplatfactoModel.populate_modules` sets `model.lpips` to a `LazyLpips` and
-    `model.psnr` to `metrics.psnr` as a tensor.
+    """Within, `SplatfactoModel.populate_modules`, which imports both classes by name each time,
+    sets `model.lpips` to a `LazyLpips` and `model.psnr` to `metrics.psnr` as a tensor.
 
-    nerfstudio 1.1.5 builds LPIPS when the model is built: its weights are fetched over the network,
-    offline that ends in an URLError before the first step, and 10 MB of AlexNet land in every
-    checkpoint. To import torchmetrics takes 1.4 s. `populate_modules` imports both classes by name
-    each time it runs.
+    nerfstudio 1.1.5 builds LPIPS with the model: weights are fetched over the network, offline that
+    ends in an URLError before the first step, and 10 MB of AlexNet land in every checkpoint.
     """
     before = {name: sys.modules[name] for name in _METRICS if name in sys.modules}
     sys.modules.update(_METRICS)
@@ -93,12 +91,9 @@ _upstream_colormap_options = control_panel._get_colormap_options
 
 
 def give_masks_a_colormap_in_the_viewer() -> None:
-    """Let boolean outputs be chosen in the viewer's menu.
-
-    nerfstudio 1.1.5 (control_panel.py, `_get_colormap_options`) offers no colormap for them, and
-    viser cannot show an empty menu: an IndexError ends the thread that renders. Its own
-    `apply_colormap` draws them black and white.
-    """
+    """Let boolean outputs be chosen in the viewer's menu: nerfstudio 1.1.5 (control_panel.py,
+    `_get_colormap_options`) offers no colormap for them, and an IndexError of viser, which cannot
+    show an empty menu, ends the thread that renders."""
     control_panel._get_colormap_options = _colormap_options
 
 

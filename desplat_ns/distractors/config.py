@@ -12,9 +12,8 @@ from desplat_ns.core.options import ranged
 from desplat_ns.core.schedule import NominalStep
 
 DEPTH = 0.02
-"""Distance from the camera at the start, world units, whatever the scene's scale: distractors are
-composited over the static scene, so their depth only sets how many pixels a step of the optimizer
-moves them. Beyond the near plane."""
+"""Distance from the camera at the start, world units: distractors are composited over the static
+scene, so it only sets how many pixels a step of the optimizer moves them. Beyond the near plane."""
 
 STOP_DENSIFY_AT = 15_000
 """Step from which distractors are no longer cloned or split, only pruned. B.3."""
@@ -35,9 +34,8 @@ MAX_WARMUP = 6_000
 """A warm-up by rule ends at this step at the latest: at a fifth of a run of 30,000."""
 
 MAX_WARMUP_VISITS = 15
-"""A warm-up by rule ends after so many visits of each view at the latest: seen often enough, what
-stands in one photo alone is learned as well, and its residual is gone. It ends sooner by
-`SHAPING_STEPS`; if not, the scene's learning rates are higher by as much as it is shorter."""
+"""A warm-up by rule ends after so many visits of each view at the latest: what stands in one photo
+alone is learned in time. Learning rates are higher by as much as it is shorter for that."""
 
 SHAPING_STEPS, MIN_WARMUP_VISITS = 250, 8
 """Steps of the run in which a scene takes shape, once it may be refined (`warmup_length`): the

@@ -30,13 +30,7 @@ from desplat_ns.gaussians.activation import (
     keep_colors_in_range,
     sigmoid,
 )
-from desplat_ns.separation.decide import (
-    StaticView,
-    Thresholds,
-    compare,
-    decide,
-    own_sky,
-)
+from desplat_ns.separation.decide import StaticView, Thresholds, compare, decide, own_sky
 from desplat_ns.separation.grid import grid_of, pooled, region_pixels
 from desplat_ns.separation.residuals import RESIDUAL_MEDIANS, medians_in
 from desplat_ns.separation.sweep import PlaneSweep, photo_to_sweep
@@ -52,15 +46,8 @@ LOOK_EVERY = 3
 def apply_mask(
     photo: Float[Tensor, "H W 3"], static: Float[Tensor, "H W 3"], mask: Bool[Tensor, "H W 1"]
 ) -> tuple[Float[Tensor, "H W 3"], Bool[Tensor, "rows columns"]]:
-    """What the user's mask does: where it leaves a photo out, the photo is as the static scene.
-
-    Args:
-        static: a constant from here on.
-        mask: True in the pixels that count.
-
-    Returns:
-        The photo, and the cells of `grid_of` that count.
-    """
+    """What the user's mask, True in the pixels that count, does: elsewhere the photo is as the
+    static scene, a constant. Returns the photo, and the cells of `grid_of` that count."""
     height, width = mask.shape[:2]
     counts = pooled(mask.to(torch.float32), grid_of(width, height))[0] >= 0.5
     return torch.where(mask, photo, static.detach()), counts
@@ -71,7 +58,6 @@ class Distractors(nn.Module):
 
     The parameters are none of the module's own: nerfstudio 1.1.5 walks over all modules and all
     parameters of its optimizers in every step, and a step draws one view of what may be thousands.
-    They are outside of Splatfacto's `gauss_params` too: what exports those never sees distractors.
     """
 
     def __init__(
@@ -198,12 +184,7 @@ class Distractors(nn.Module):
 
     def remember(self, step: Step, state: dict[str, Any]) -> None:
         """Take up what a step learned of the views, once the optimizers have stepped and before the
-        static set is refined, whose rows it belongs to. Before, all that a step does and that
-        outlives it is to make the view's optimizers and set their rates.
-
-        Args:
-            state: of the static Gaussians' strategy.
-        """
+        static set is refined, whose rows it belongs to. `state`: of that set's strategy."""
         if step.residual_medians is not None:
             state[RESIDUAL_MEDIANS] = step.residual_medians
         if step.sweep_photo is not None:
@@ -213,10 +194,7 @@ class Distractors(nn.Module):
         self, step: Step, weights_of: Callable[[RawParameters], Float[Tensor, " M"]]
     ) -> None:
         """Refine the view's distractors, and place and remove some where a step found its regions.
-
-        Args:
-            weights_of: gives what each of the view's distractors makes up of it, in pixels.
-        """
+        `weights_of`: gives what each of the view's distractors makes up of it, in pixels."""
         index, view = step.index, step.view
         distractors = self.views[index]
         if step.distractors is not None:

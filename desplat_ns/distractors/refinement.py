@@ -16,12 +16,7 @@ from torch import Tensor
 
 from desplat_ns.backend.protocol import Rendering, View
 from desplat_ns.core.schedule import SPLATFACTOS_INTERVAL, NominalStep
-from desplat_ns.distractors.config import (
-    CULL_ALPHA,
-    DEPTH,
-    STOP_DENSIFY_AT,
-    DistractorConfig,
-)
+from desplat_ns.distractors.config import CULL_ALPHA, DEPTH, STOP_DENSIFY_AT, DistractorConfig
 from desplat_ns.distractors.sets import ViewDistractors
 from desplat_ns.gaussians.activation import RawParameters
 from desplat_ns.gaussians.strategy import UNLIMITED, prune, refine, sample
@@ -87,11 +82,9 @@ class DistractorDensifier:
         info: dict[str, Any],
         weights_of: Callable[[RawParameters], Float[Tensor, " N"]],
     ) -> None:
-        """Sample a step that drew `view`; refine its distractors if that is due.
-
-        By pixels the sample is of the gradients of the loss, summed over all pixels, by a shift of
-        one pixel, which do not depend on the image's size: gsplat multiplies by half the width and
-        height, and the loss is a mean over width times height.
+        """Sample a step that drew `view`; refine its distractors if that is due. By pixels the
+        gradients are of the loss summed over all pixels, by a shift of one pixel: gsplat multiplies
+        by half the width and height, and the loss is a mean over width times height.
 
         Args:
             step: nothing happens before the warm-up, and nothing but pruning from

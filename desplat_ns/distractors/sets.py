@@ -112,9 +112,8 @@ class ViewDistractors:
 
 
 def fill_view(view: View, config: DistractorConfig) -> dict[str, Tensor]:
-    """Raw parameters of distractors spread evenly over the image; none with `start` residual.
-
-    Colours are random (torch's generator).
+    """Raw parameters of distractors spread evenly over the image, of random colours (torch's
+    generator); none with `start` residual.
 
     Source: B.3 ("1000 distractor points in every training image"); the spread is ours.
     """

@@ -67,12 +67,12 @@ def test_nerfstudio_walks_over_no_view_and_moves_them_in_place():
 
 def test_a_step_begins_without_gradients_and_with_the_rates_of_the_step():
     view = Distractors(DistractorConfig(per_view=2), STATIC, cameras()).views[0]
-    for step, rate in ((0, 1.6e-4), (15_000, 1.6e-5), (30_000, 1.6e-6), (90_000, 1.6e-6)):
+    for step in (0, 15_000):
         view.params["means"].sum().backward()
         view.begin_step(rates_at(step))
         assert view.params["means"].grad is None
-        assert view.optimizers["means"].param_groups[0]["lr"] == pytest.approx(rate)
-        assert view.optimizers["scales"].param_groups[0]["lr"] == 0.05
+        rates = {name: each.param_groups[0]["lr"] for name, each in view.optimizers.items()}
+        assert rates == rates_at(step)
 
 
 def test_colours_that_left_the_range_come_back_to_its_border():
