@@ -138,12 +138,10 @@ def evaluate(
 
     Args:
         names: of the split's photos; a batch's `image_idx` is a place in them.
-        masks: the camera of each training view whose distractors are known, and their mask.
+        masks: as in `score_masks`.
 
-    Raises:
-        CaptureError: there is no image.
-        ConfigError: the protocol does not fit the model.
-        DeSplatError: a figure of an image is not a finite number.
+    Raises CaptureError where there is no image, DeSplatError where a figure is not finite, and as
+    `Scorer.of`.
     """
     scorer = Scorer.of(model, config)
     model.lpips.use(config.lpips_net)

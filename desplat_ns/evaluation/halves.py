@@ -46,9 +46,8 @@ def embedding_from_left_half(
 
     The model is in eval mode and stays bit-identical. Numbers of a camera's response are found in
     closed form; other embeddings by Adam from the average of the training images' on (B.3). The
-    view keeps both halves: one of them would be cut at another border, where EWA bounds and culls
-    Gaussians differently (1e-3 of colour). Gaussians that the left half does not need are not
-    drawn.
+    view keeps both halves, as EWA bounds and culls differently at another border (1e-3 of colour);
+    Gaussians that the left half does not need are not drawn.
 
     Args:
         photo: the whole photo; columns from W // 2 on are not looked at.

@@ -36,14 +36,6 @@ def model() -> DeSplatModel:
     return moved(model_with("affine", background="image")).eval()
 
 
-@pytest.mark.parametrize("width", [2, 7, 8])
-def test_halves_are_disjoint_and_cover_the_image(width):
-    image = torch.arange(width).expand(3, width)[..., None].float()
-    left, right = left_half(image), right_half(image)
-    assert left.shape[1] == width // 2
-    assert torch.equal(torch.cat([left, right], dim=1), image)
-
-
 def left_half(image: torch.Tensor) -> torch.Tensor:
     return image[:, : image.shape[1] // 2]
 

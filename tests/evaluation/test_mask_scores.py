@@ -48,12 +48,3 @@ def test_distorted_photos_and_captures_without_masks_have_no_scores(tmp_path: Pa
     masks: list[Path | None] = [write_mask(tmp_path / "0.png", 1)]
     assert score_masks(_draw, _views(masks, distortion=0.1)) == {}
     assert score_masks(_draw, _views([None, None])) == {}
-
-
-def test_scores_are_means_over_the_views(tmp_path: Path):
-    masks: list[Path | None] = [write_mask(tmp_path / f"{i}.png", 1) for i in range(2)]
-    scores = score_masks(_draw, _views(masks))
-    # View 0: 4 pixels are predicted, 2 of them are true; outside of these 2 of 6 have 0.8.
-    assert scores["mask_iou"] == pytest.approx((0.5 + 0.0) / 2)
-    assert scores["alpha_outside_masks"] == pytest.approx(((2 * 0.8 + 4 * 0.1) / 6 + 0.1) / 2)
-    assert scores["num_masks"] == 2
