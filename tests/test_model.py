@@ -12,14 +12,7 @@ from desplat_ns.distractors import refinement
 from desplat_ns.distractors.config import DistractorConfig
 from desplat_ns.distractors.refinement import DistractorDensifier
 from desplat_ns.layers import composite_alpha, over_background
-from tests.helpers.small_model import (
-    HEIGHT,
-    WIDTH,
-    Trainer,
-    camera,
-    distractors_of,
-    make_model,
-)
+from tests.helpers.small_model import HEIGHT, WIDTH, Trainer, camera, distractors_of, make_model
 
 
 def test_training_draws_the_distractors_of_that_view_over_the_static_scene():

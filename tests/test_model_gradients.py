@@ -8,14 +8,7 @@ from nerfstudio.cameras.camera_optimizers import CameraOptimizerConfig
 
 from desplat_ns.core.effects import EffectsConfig
 from desplat_ns.distractors.config import DistractorConfig
-from tests.helpers.small_model import (
-    HEIGHT,
-    WIDTH,
-    Trainer,
-    camera,
-    distractors_of,
-    make_model,
-)
+from tests.helpers.small_model import HEIGHT, WIDTH, Trainer, camera, distractors_of, make_model
 
 EVERYWHERE = DistractorConfig(per_view=20, static_alone=True)
 TOGETHER = DistractorConfig(per_view=20)

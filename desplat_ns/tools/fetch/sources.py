@@ -1,7 +1,5 @@
-"""Where the paper's data sets lie. None is ours: their pages say what may be done with them.
-
-Sizes and checksums are not published; what the server says of a file is what can be checked.
-"""
+"""Where the paper's data sets lie; their pages say what may be done with them. Sizes and checksums
+are not published."""
 
 from __future__ import annotations
 

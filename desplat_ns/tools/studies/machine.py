@@ -16,8 +16,8 @@ DIRTY = "-dirty"
 
 def code_version(package: Path | None = None) -> str:
     """The commit of a package's folder, by default of the running `desplat_ns`, with `DIRTY` behind
-    it where a file there was changed or added since; `desplat-ns` and the version where git does
-    not track the package, for instance in a virtual environment, even one inside a checkout."""
+    it where a file there was changed or added; `desplat-ns` and the version where git does not
+    track the package."""
     package = package or Path(desplat_ns.__file__).parent
 
     def git(*arguments: str) -> str:

@@ -1,9 +1,6 @@
 """The paper's tables: data sets as they are trained on and scored, methods, metrics, and the
 figures of Tables A5 to A9 of its supplement.
 
-The tables of the main text are not in it, so that nothing of RobustNeRF's and On-the-go's PSNR,
-SSIM and LPIPS is here.
-
 `paper.txt` has a line for each row: table and metrics, row, and the figures scene by scene in the
 order of `TABLES`, a dash where the paper has one. A7 to A9 have the mean behind them. A8 is in
 minutes:seconds. The mean of Splatfacto's eleven figures of A9 is 94.10; the paper prints 94.01.

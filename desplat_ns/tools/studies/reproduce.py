@@ -83,8 +83,8 @@ def reproduce(
     smoke: Smoke | None = None,
 ) -> Path:
     """Run what a table needs of the data sets in a folder, and write it; the folder that holds it.
-    Raises CaptureError where scenes cannot be read, or none is there, ConfigError where the output
-    folder will not do, DeSplatError where runs failed; the table is written without them."""
+    Raises as `open_records` and `find_contents`, and DeSplatError where runs failed; the table is
+    written without them."""
     with only_process_in(output):
         records = open_records(output)
         contents = find_contents(table, data, smoke)
@@ -178,7 +178,6 @@ def cells_of(grid: Grid, records: dict[Key, Record]) -> dict[tuple[str, str, str
     those of the seeds, `difference` ours less the paper's, None where the paper has no figure."""
     scenes = [scene.name for scene in grid.scenes]
     is_whole = grid.smoke is not None or not grid.missing
-
     done = {at: records[run.key].scores for at, run in grid.runs.items() if run.key in records}
     cells: dict[tuple[str, str, str], dict[str, Any]] = {}
     for metric, method in product(grid.table.metrics, grid.methods):

@@ -135,7 +135,7 @@ class Executor:
         Args:
             runs: the next is asked for when there is a place for it.
             records: those in `file`; new ones are added.
-            left: what to say after each run of what is left, in words.
+            left: says after each run what is left.
         """
         failed, folder = dict[str, str](), folder.resolve()
         coming = (run for run in runs if run.key not in records)

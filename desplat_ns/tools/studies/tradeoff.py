@@ -175,7 +175,6 @@ def open_study(
 
 def compared(base: Effects) -> dict[str, tuple[str, tuple[str, ...]]]:
     """What is compared, by name: in what it differs from the defaults, in words, and its options.
-
     First the base, with the effects that the capture calls for; each other one differs from it in
     one thing. All are scored on right halves: the left half shows a photo's own light."""
 

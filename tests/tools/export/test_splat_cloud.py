@@ -14,12 +14,7 @@ from desplat_ns.backend.protocol import Splats
 from desplat_ns.cameras.views import view_of
 from desplat_ns.core.errors import ConfigError
 from desplat_ns.tools.export.formats import UPRIGHT, Y_UP
-from desplat_ns.tools.export.splat_cloud import (
-    Similarity,
-    baked,
-    moved,
-    similarity_to,
-)
+from desplat_ns.tools.export.splat_cloud import Similarity, baked, moved, similarity_to
 from tests.helpers import small_model
 from tests.helpers.small_model import held_out, model_with
 from tests.helpers.splat_files import cloud, drawn, view

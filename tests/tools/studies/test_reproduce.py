@@ -16,13 +16,7 @@ from desplat_ns.core.errors import CaptureError, ConfigError, DeSplatError
 from desplat_ns.tools.commands.reproduce import Arguments
 from desplat_ns.tools.fetch.sources import SOURCES
 from desplat_ns.tools.studies import reproduce as module
-from desplat_ns.tools.studies.paper import (
-    MEAN,
-    METHODS,
-    TABLES,
-    TableName,
-    figures_of,
-)
+from desplat_ns.tools.studies.paper import MEAN, METHODS, TABLES, TableName, figures_of
 from desplat_ns.tools.studies.records import Record
 from desplat_ns.tools.studies.reproduce import Grid, Smoke, cells_of, find_contents, reproduce
 from desplat_ns.tools.studies.runs import Executor, Run

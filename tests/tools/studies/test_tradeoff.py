@@ -16,15 +16,7 @@ from desplat_ns.tools.studies.methods import parse
 from desplat_ns.tools.studies.page import corrected, verdicts, write_page
 from desplat_ns.tools.studies.records import FILE, Record, load, open_records
 from desplat_ns.tools.studies.runs import Executor, Run
-from desplat_ns.tools.studies.tradeoff import (
-    BASE,
-    GROWTH,
-    SEEDS,
-    SHORTEST,
-    WANTED,
-    Study,
-    compared,
-)
+from desplat_ns.tools.studies.tradeoff import BASE, GROWTH, SEEDS, SHORTEST, WANTED, Study, compared
 from tests.helpers.made_up_runs import made_up
 
 pytestmark = pytest.mark.usefixtures("tyro_may_build")
