@@ -11,7 +11,6 @@ from typing import Any
 import torch
 from gsplat.strategy import DefaultStrategy
 from nerfstudio.cameras.cameras import Cameras
-from nerfstudio.engine.callbacks import TrainingCallback, TrainingCallbackAttributes
 from nerfstudio.model_components.lib_bilagrid import color_correct, total_variation_loss
 from nerfstudio.models.splatfacto import SH2RGB, SplatfactoModel
 from torch import Tensor, nn
@@ -156,13 +155,6 @@ class DeSplatModel(SplatfactoModel):
             return {}
         own = self.distractors.views[step.index].optimizers
         return {f"distractor_{name}": optimizer for name, optimizer in own.items()}
-
-    def get_training_callbacks(
-        self, training_callback_attributes: TrainingCallbackAttributes
-    ) -> list[TrainingCallback]:
-        """Splatfacto's, after making sure that the backend runs: better now than at step 0."""
-        _ = self.rasterizer  # raises where it cannot run
-        return super().get_training_callbacks(training_callback_attributes)
 
     # --- a step ------------------------------------------------------------------------------
 
@@ -532,10 +524,6 @@ class DeSplatModel(SplatfactoModel):
         return SH2RGB(self.shs_0) if FEATURES in self.gauss_params else super().colors
 
     # --- checkpoints -------------------------------------------------------------------------
-
-    def update_to_step(self, step: int) -> None:
-        """Take up a checkpoint's step: it decides on the SH degree."""
-        self.step = step
 
     def load_state_dict(self, dict: Any, **kwargs: Any) -> Any:
         """nn.Module's: Splatfacto's replaces the parameters that the optimizers hold."""

@@ -43,12 +43,9 @@ class NumbaRasterizer:
     name = "numba"
 
     def __call__(self, splats: Splats, view: View, settings: RenderSettings) -> Rendering:
-        """Rasterize `splats` seen from `view`. Differentiable in every tensor of `splats`.
-
-        Raises:
-            ValueError: shapes do not fit together, the camera cannot be, or `absgrad` is asked for
-                with more than three channels.
-        """
+        """Rasterize `splats` seen from `view`. Differentiable in every tensor of `splats`. Raises
+        ValueError: shapes do not fit together, the camera cannot be, or `absgrad` is asked for with
+        more than three channels."""
         projected = _project(_in_float32(splats), _in_float32(view), settings)
         colors, channels = projected.colors, projected.colors.shape[1]
         if channels > 3 and settings.absgrad:

@@ -60,10 +60,8 @@ def project(splats: Splats, view: View, settings: RenderSettings) -> ProjectedSp
 
     Culled are Gaussians out of [NEAR_PLANE, FAR_PLANE], off the image, with values that are not
     finite, with a quaternion of length 0, or larger than MAX_PIXELS; their gradients are 0.
-    Differentiable in `splats` and in `view`.
-
-    Raises:
-        ValueError: shapes, dtypes or devices do not fit together; a camera that cannot be.
+    Differentiable in `splats` and in `view`. Raises ValueError: shapes, dtypes or devices do not
+    fit together; a camera that cannot be.
     """
     check_inputs(splats, view)
     usable = _usable(splats, view)

@@ -40,20 +40,14 @@ class CaptureDataset(InputDataset):
         self.sizes: list[Size] = list(zip(widths.tolist(), heights.tolist(), strict=True))
 
     def check_photos(self) -> None:
-        """Look at the headers of all photos, before hours of training.
-
-        Raises:
-            CaptureError: photos that are missing, unreadable, or do not fit their cameras.
-        """
+        """Look at the headers of all photos, before hours of training. Raises CaptureError: photos
+        that are missing, unreadable, or do not fit their cameras."""
         for path, size in zip(self.image_filenames, self.sizes, strict=True):
             check_size(path, image_size(path, size), size)
 
     def get_numpy_image(self, image_idx: int) -> UInt8[np.ndarray, "H W C"]:
-        """The photo at its camera's size.
-
-        Raises:
-            CaptureError: it cannot be read, or does not fit its camera.
-        """
+        """The photo at its camera's size. Raises CaptureError: it cannot be read, or does not fit
+        its camera."""
         path = self.image_filenames[image_idx]
         image = read_image(path, self.sizes[image_idx])
         check_size(path, (image.shape[1], image.shape[0]), self.sizes[image_idx])

@@ -91,11 +91,8 @@ def read_image(path: Path, camera: tuple[int, int] | None = None) -> UInt8[np.nd
 
     Grey becomes RGB; samples of any depth are reduced to 8 bits. Floating point is white at 1.0;
     linear light gets the sRGB curve (IEC 61966-2-1). Colours are not multiplied by alpha. Colour
-    profiles are not followed.
-
-    Raises:
-        CaptureError: the file is missing, damaged or no picture, or has more than `MOST_PIXELS`,
-            integers of 32 bits, CIELAB colours, or no finite value.
+    profiles are not followed. Raises CaptureError: the file is missing, damaged or no picture, or
+    has more than `MOST_PIXELS`, integers of 32 bits, CIELAB colours, or no finite value.
     """
     photo = _open(path, camera)
     if photo.spec.format.basetype in (oiio.INT, oiio.UINT):

@@ -62,10 +62,8 @@ def read_transforms(path: Path, with_points: bool) -> Reconstruction:
     """Photos in the order of their names; points of the file's PLY, else of the COLMAP model that
     ns-process-data made it of, moved as it moved the poses.
 
-    A frame's own numbers come before those of the head.
-
-    Raises:
-        CaptureError: no such file, or contents that cannot be used; names the frame.
+    A frame's own numbers come before those of the head. Raises CaptureError: no such file, or
+    contents that cannot be used; names the frame.
     """
     folder = path.parent
     if not path.is_file():
@@ -164,11 +162,8 @@ def _frame(row: dict[str, Any], number: int, path: Path) -> Frame:
 
 
 def _camera_type(row: dict[str, Any], name: str, path: Path) -> CameraType:
-    """By all names of its lens in a frame; a perspective one where there are none.
-
-    Raises:
-        CaptureError: a lens that is not supported, or two of different kinds.
-    """
+    """By all names of its lens in a frame; a perspective one where there are none. Raises
+    CaptureError: a lens that is not supported, or two of different kinds."""
     models = {str(row[key]).upper() for key in ("camera_model", "camera_type") if row.get(key)}
     for key, value in row.items():
         flag = key.lower().removeprefix("is_").partition("_")[0]

@@ -185,11 +185,8 @@ class Observations:
 
 def observe(capture: DataparserOutputs, most: int = MOST_PHOTOS) -> Observations:
     """Read a split's photos as they are on disk, as many at once as there are cores, and sample
-    them at its points; of more than `most` photos so many, evenly spread.
-
-    Raises:
-        CaptureError: a photo or mask that cannot be read, or does not fit its camera.
-    """
+    them at its points; of more than `most` photos so many, evenly spread. Raises CaptureError: a
+    photo or mask that cannot be read, or does not fit its camera."""
     photos, tracks = capture.image_filenames, capture.metadata.get(TRACKS)
     given = capture.metadata.get("points3D_xyz")
     all_xyz = np.zeros((0, 3)) if given is None else given.double().cpu().numpy()
@@ -252,11 +249,8 @@ def _look_at(
 
 def colors_of_photos(capture: DataparserOutputs) -> UInt8[np.ndarray, "N 3"]:
     """Colours of a split's points: the median of what the photos show there, or the colour of the
-    nearest point that a photo shows, or grey where none shows any.
-
-    Raises:
-        CaptureError: as `observe`.
-    """
+    nearest point that a photo shows, or grey where none shows any. Raises CaptureError: as
+    `observe`."""
     from sklearn.neighbors import NearestNeighbors
 
     all_xyz = capture.metadata["points3D_xyz"].double().cpu().numpy()

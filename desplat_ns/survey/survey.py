@@ -48,10 +48,7 @@ class Evidence:
 
 def survey(capture: DataparserOutputs) -> tuple[Survey, Evidence]:
     """Look at the photos of the training split, and say which effects they call for and by what.
-
-    Raises:
-        CaptureError: no photo, or one that cannot be read or does not fit its camera.
-    """
+    Raises CaptureError: no photo, or one that cannot be read or does not fit its camera."""
     if not capture.image_filenames:
         raise CaptureError(
             "There is no training photo to survey. Check --data and the options of the split."

@@ -171,7 +171,7 @@ class DeSplatPipeline(VanillaPipeline):
         """Load a checkpoint's pipeline as it stood after `step`. Raises CheckpointError where it
         belongs to another scene or other effects, when nothing is changed, or does not fit."""
         self.load_state_dict(loaded_state)
-        self._model.update_to_step(step)
+        self._model.step = step  # it decides on the SH degree
 
     def load_state_dict(self, state_dict: Mapping[str, Any], strict: bool | None = None) -> None:
         """Always strict: nerfstudio 1.1.5 retries `strict=False`, which hides missing parameters.
