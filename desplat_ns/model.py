@@ -103,14 +103,15 @@ class DeSplatModel(SplatfactoModel):
         pixels = int((cameras.width * cameras.height).sum())
         assert isinstance(self.strategy, DefaultStrategy)
         smaller = config.downscale_factor(0, pixels // num_views) if config.first_megapixels else 1
-        self.strategy = StaticStrategy.in_place_of(
-            self.strategy,
-            grow_grad2d=config.densify_grad_thresh / math.sqrt(smaller),
-            reset_every=config.reset_every,
-            pause_refine_after_reset=pause_after_reset(num_views, config.reset_every, scale),
-            most=config.most_gaussians(pixels, self.kwargs.get("device", "cpu")),
-            cull_to_the_end=config.cull_to_the_end,
-            verbose=False,
+        settings = vars(self.strategy) | {
+            "grow_grad2d": config.densify_grad_thresh / math.sqrt(smaller),
+            "reset_every": config.reset_every,
+            "pause_refine_after_reset": pause_after_reset(num_views, config.reset_every, scale),
+            "verbose": False,
+        }
+        most = config.most_gaussians(pixels, self.kwargs.get("device", "cpu"))
+        self.strategy = StaticStrategy(
+            **settings, most=most, cull_to_the_end=config.cull_to_the_end
         )
         self.image_effects = ImageEffects(effects, config.appearance, num_views, config.sh_degree)
         if self.image_effects.appearance is not None:
@@ -252,9 +253,8 @@ class DeSplatModel(SplatfactoModel):
         config, losses = self.config, dict[str, Tensor]()
         responses = self.image_effects.responses
         if responses is not None:
-            mean = responses.mean(dim=0)
-            numbers = responses[step.index]
-            losses["camera_response"] = camera_response_loss(numbers, mean, main_loss)
+            prior = camera_response_loss(responses[step.index], responses.mean(dim=0), main_loss)
+            losses["camera_response"] = prior
         if config.use_scale_regularization and self.step % 10 == 0:  # as nerfstudio 1.1.5
             scales = torch.exp(self.scales)
             ratio = scales.amax(dim=-1) / scales.amin(dim=-1)
@@ -536,8 +536,7 @@ class DeSplatModel(SplatfactoModel):
 
     def get_extra_state(self) -> dict[str, Any]:
         """What a checkpoint holds besides parameters: densification's running statistics."""
-        state: dict[str, Any] = {"static_strategy": dict(self.strategy_state)}
-        return state
+        return {"static_strategy": dict(self.strategy_state)}
 
     def set_extra_state(self, state: dict[str, Any]) -> None:
         """Take up what `get_extra_state` gave."""

@@ -25,7 +25,6 @@ import desplat_ns.method_configs
 
 print(desplat_ns.__file__)
 print({"numba", "pycolmap", "torchmetrics", "trimesh"} & set(sys.modules) or "nothing heavy")
-from desplat_ns.tools.studies.methods import parse
 from nerfstudio.scripts.train import entrypoint
 
 sys.argv[1:] = ["desplat", "--help"]

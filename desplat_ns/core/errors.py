@@ -38,15 +38,10 @@ def printable(text: str) -> str:
 
 
 def begin_run() -> None:
-    """A run or a command of this package begins: its users' mistakes have no traceback, and nothing
-    is said of what torch and nerfstudio have to change, and users cannot (`-W` still shows it)."""
-    print_user_errors_plainly()
+    """A run or a command of this package begins: from now on, a `DeSplatError` or Ctrl+C that ends
+    the program, which may be nerfstudio's, prints no traceback, and nothing is said of what torch
+    and nerfstudio have to change, and users cannot (`-W` still shows it)."""
     warnings.filterwarnings("ignore", "", FutureWarning, r"(torch|nerfstudio)\.", append=True)
-
-
-def print_user_errors_plainly() -> None:
-    """From now on, a `DeSplatError` or Ctrl+C that ends the program, which may be nerfstudio's,
-    prints no traceback. Every other exception goes where it went before."""
     before = sys.excepthook
     if before.__module__ == __name__:
         return

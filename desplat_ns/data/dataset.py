@@ -100,26 +100,12 @@ class PhotoReader:
     what is left before any photo is read."""
 
     def __init__(self, dataset: CaptureDataset):
-        """Sets the dataset's cameras, so that a dataset may have one reader only."""
+        """Sets the dataset's cameras, so that a dataset may have one reader only. Photos of one
+        lens are cropped alike: a black one is undistorted for each lens."""
         self._dataset = dataset
         self._lenses = deepcopy(dataset.cameras)
-        self._set_cameras()
-
-    def __call__(self, index: int) -> Photo:
-        """A photo of the split. Raises CaptureError as `CaptureDataset.get_numpy_image`."""
-        photo = self._dataset.get_data(index, "uint8")
-        lens = _bent_lens(self._lenses, index)
-        if lens is not None:
-            _, image, mask = _undistorted(lens, photo, photo["image"].numpy())
-            photo["image"] = torch.from_numpy(image)
-            if mask is not None:
-                photo["mask"] = mask
-        return photo
-
-    def _set_cameras(self) -> None:
-        """Photos of one lens are cropped alike: a black one is undistorted for each lens."""
         known: dict[tuple[float, ...], tuple[float, ...]] = {}
-        for index in range(len(self._dataset)):
+        for index in range(len(dataset)):
             lens = _bent_lens(self._lenses, index)
             if lens is None:
                 continue
@@ -131,7 +117,18 @@ class PhotoReader:
                 sides = image.shape[1], image.shape[0]
                 known[kind] = float(K[0, 0]), float(K[1, 1]), float(K[0, 2]), float(K[1, 2]), *sides
             for name, value in zip(_NUMBERS, known[kind], strict=True):
-                getattr(self._dataset.cameras, name)[index] = value
+                getattr(dataset.cameras, name)[index] = value
+
+    def __call__(self, index: int) -> Photo:
+        """A photo of the split. Raises CaptureError as `CaptureDataset.get_numpy_image`."""
+        photo = self._dataset.get_data(index, "uint8")
+        lens = _bent_lens(self._lenses, index)
+        if lens is not None:
+            _, image, mask = _undistorted(lens, photo, photo["image"].numpy())
+            photo["image"] = torch.from_numpy(image)
+            if mask is not None:
+                photo["mask"] = mask
+        return photo
 
 
 def _bent_lens(cameras: Cameras, index: int) -> Any:

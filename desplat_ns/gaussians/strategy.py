@@ -7,7 +7,7 @@ of a run (docs/explain/separation.md, "How often Gaussians are refined").
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any
 
 import torch
@@ -100,12 +100,6 @@ class StaticStrategy(DefaultStrategy):
     1.1.4 does, 1.1.5 does not."""
 
     SAMPLED = "steps_sampled"
-
-    @classmethod
-    def in_place_of(cls, upstream: DefaultStrategy, **changes: Any) -> StaticStrategy:
-        """The settings of `upstream`, and some others."""
-        settings = {field.name: getattr(upstream, field.name) for field in fields(upstream)}
-        return cls(**settings | changes)
 
     def step_post_backward(
         self,

@@ -44,12 +44,9 @@ Lit = Callable[[Tensor], Splats]
 """From an embedding [E] to the Gaussians in its light; colours out of view mean nothing."""
 
 
-def fourier_features(
-    points: Float[Tensor, "N 3"], frequencies: int = FREQUENCIES
-) -> Float[Tensor, "N Z"]:
-    """Sines and cosines of pi 2^m p for m = 0 .. frequencies - 1, Z = 6 frequencies; p are the
-    points, centred on their mean and divided by the `CENTRAL_QUANTILE` of their largest
-    coordinates.
+def fourier_features(points: Float[Tensor, "N 3"]) -> Float[Tensor, "N Z"]:
+    """Sines and cosines of pi 2^m p for m = 0 .. `FREQUENCIES` - 1, Z = 24; p are the points,
+    centred on their mean and divided by the `CENTRAL_QUANTILE` of their largest coordinates.
 
     Source: the start of z_i, App. B.3; the frequencies are those of the authors' code.
     """
@@ -58,7 +55,7 @@ def fourier_features(
     radius = centred.abs().amax(dim=1).sort().values[int(CENTRAL_QUANTILE * (len(points) - 1))]
     unit = centred / radius.clamp(min=torch.finfo(points.dtype).tiny)
     unit = unit.clamp(-FARTHEST, FARTHEST).to(points.dtype)
-    turns = torch.arange(frequencies, device=points.device, dtype=points.dtype).exp2()
+    turns = torch.arange(FREQUENCIES, device=points.device, dtype=points.dtype).exp2()
     angles = (math.pi * unit[:, :, None] * turns).flatten(1)
     return torch.cat([angles.sin(), angles.cos()], dim=1)
 

@@ -3,11 +3,12 @@ from __future__ import annotations
 import threading
 from typing import Any
 
-import numba
 import pytest
 import torch
 
 from desplat_ns.backend import RenderSettings, Splats, resolve
+from desplat_ns.backend.numba_kernels.runtime import numba_config
+from lab.bench.timing import threads
 from tests.backend.scenes import random_scene
 
 SETTINGS = RenderSettings(depth=True, absgrad=True)
@@ -31,22 +32,13 @@ def render_and_pull(scene) -> list[Any]:
     return [*images, out.means2d.grad, out.means2d.absgrad, *grads]  # pyright: ignore[reportAttributeAccessIssue]
 
 
-@pytest.fixture
-def two_threads():
-    """At least as many as numba was started with; skips where that is one."""
-    before = numba.get_num_threads()
-    if numba.config.NUMBA_NUM_THREADS < 2:  # pyright: ignore[reportPrivateImportUsage, reportAttributeAccessIssue]
-        pytest.skip("numba runs with one thread here (NUMBA_NUM_THREADS)")
-    yield
-    numba.set_num_threads(before)
-
-
-def test_one_thread_and_two_give_the_same_bits(two_threads):
+@pytest.mark.skipif(numba_config.NUMBA_NUM_THREADS < 2, reason="numba has one thread only")
+def test_one_thread_and_two_give_the_same_bits():
     scene = random_scene(21, count=600, size=(131, 77), opacity=(0.1, 0.9))
     results = []
-    for threads in (1, 2, 2):
-        numba.set_num_threads(threads)
-        results.append(render_and_pull(scene))
+    for number in (1, 2, 2):
+        with threads(number):
+            results.append(render_and_pull(scene))
     for other in results[1:]:
         assert all(torch.equal(a, b) for a, b in zip(results[0], other, strict=True))
 
@@ -63,11 +55,11 @@ def test_python_threads_may_render_at_the_same_time():
             if not torch.equal(render(scene).rgb, want):
                 wrong.append(1)
 
-    threads = [threading.Thread(target=work) for _ in range(3)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
+    workers = [threading.Thread(target=work) for _ in range(3)]
+    for worker in workers:
+        worker.start()
+    for worker in workers:
+        worker.join()
     assert not wrong
 
 

@@ -7,14 +7,14 @@ import pytest
 from nerfstudio.utils.rich_utils import CONSOLE
 
 from desplat_ns.core.console import announce
-from desplat_ns.core.errors import CaptureError, print_user_errors_plainly
+from desplat_ns.core.errors import CaptureError, begin_run
 
 
 @pytest.fixture
 def hook(monkeypatch):
     others: list[BaseException] = []
     monkeypatch.setattr(sys, "excepthook", lambda kind, error, trace: others.append(error))
-    print_user_errors_plainly()
+    begin_run()
     return lambda error: (sys.excepthook(type(error), error, None), others)[1]
 
 

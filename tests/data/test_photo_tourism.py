@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from pathlib import Path
 
 import pytest
@@ -54,15 +53,6 @@ def test_photos_of_one_root_never_go_with_the_reconstruction_of_the_other(scene)
         parser_of(data).get_dataparser_outputs("train")
     named = parser_of(data, images_path=Path("images"))
     assert names(named, "train") == ["a.jpg", "b.jpg"]
-
-
-def test_no_reconstruction_says_where_it_was_looked_for(scene):
-    data = scene()
-    shutil.rmtree(data / "dense" / "sparse")
-    with pytest.raises(CaptureError, match="dense/sparse"):
-        parser_of(data).get_dataparser_outputs("train")
-    with pytest.raises(CaptureError, match="nowhere"):
-        parser_of(data / "nowhere").get_dataparser_outputs("train")
 
 
 # --- split --------------------------------------------------------------------------------------

@@ -102,8 +102,7 @@ def name_ply(data: Path, vertices: str, count: int) -> None:
         "property float z\nproperty uchar red\nproperty uchar green\nproperty uchar blue\n"
     )
     (data / "p.ply").write_text(header + "end_header\n" + vertices)
-    meta = json.loads((data / "transforms.json").read_text())
-    (data / "transforms.json").write_text(json.dumps({**meta, "ply_file_path": "p.ply"}))
+    damage(data, ply_file_path="p.ply")
 
 
 def test_points_of_a_ply_go_with_the_cameras(processed: Path):
@@ -153,12 +152,12 @@ def test_points_far_out_lie_where_they_would_with_the_offset_taken_off(processed
     torch.testing.assert_close(far_points, near_points, rtol=0, atol=1e-5)
 
 
-def rewrite(data: Path, change, **head) -> None:
-    """Change every frame, given its number, and the head."""
-    meta = json.loads((data / "transforms.json").read_text())
-    for number, frame in enumerate(meta["frames"]):
+def rewrite(data: Path, change) -> None:
+    """Change every frame, given its number."""
+    frames = json.loads((data / "transforms.json").read_text())["frames"]
+    for number, frame in enumerate(frames):
         change(number, frame)
-    (data / "transforms.json").write_text(json.dumps({**meta, **head}))
+    damage(data, frames=frames)
 
 
 def test_a_frames_own_numbers_come_before_those_of_the_head(processed: Path):
@@ -270,9 +269,10 @@ def test_what_other_programs_write_is_read(processed: Path):
 
 
 def test_poses_with_rows_and_columns_swapped_are_named(processed: Path):
-    meta = json.loads((processed / "transforms.json").read_text())
-    frame = meta["frames"][2]
-    frame["transform_matrix"] = np.array(frame["transform_matrix"]).T.tolist()
-    (processed / "transforms.json").write_text(json.dumps(meta))
+    def turn(number: int, frame: dict) -> None:
+        if number == 2:
+            frame["transform_matrix"] = np.array(frame["transform_matrix"]).T.tolist()
+
+    rewrite(processed, turn)
     with pytest.raises(CaptureError, match=r"frames\[2\].*last row"):
         outputs_of(processed)

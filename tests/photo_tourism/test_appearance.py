@@ -84,7 +84,7 @@ def test_fourier_features_of_known_points():
     """Centred, so that the mean is 0; the scale is that of the 97th of 100 points."""
     points = torch.zeros(101, 3, dtype=torch.float64)
     points[:, 0] = torch.linspace(-1, 1, 101, dtype=torch.float64)
-    features = fourier_features(points, 4)
+    features = fourier_features(points)
     assert features.shape == (101, 24)
     scale = points[:, 0].abs().sort().values[97]
     x = points[:, 0] / scale
@@ -96,9 +96,9 @@ def test_fourier_features_of_known_points():
 def test_fourier_features_of_coincident_points_and_at_the_end_of_float32_are_finite():
     points = torch.rand(50, 3)
     points[0], points[1] = 3e38, -3e38
-    assert fourier_features(points, 4).isfinite().all()
-    assert fourier_features(torch.tensor([[1e38] * 3, [2e38] * 3, [3e38] * 3]), 4).isfinite().all()
-    assert fourier_features(torch.ones(4, 3), 4).isfinite().all()
+    assert fourier_features(points).isfinite().all()
+    assert fourier_features(torch.tensor([[1e38] * 3, [2e38] * 3, [3e38] * 3])).isfinite().all()
+    assert fourier_features(torch.ones(4, 3)).isfinite().all()
 
 
 def test_blocks_of_rows_give_what_all_together_do_and_what_is_left_out_gets_no_gradient(

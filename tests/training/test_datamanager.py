@@ -127,13 +127,7 @@ def test_one_training_photo_is_an_error(copy: Path):
 
 
 def test_no_evaluation_photo_is_an_error(copy: Path):
-    images = sorted((copy / "images").iterdir())
-    frames = [
-        {"file_path": f"images/{path.name}", "transform_matrix": shifted(float(i)).tolist()}
-        for i, path in enumerate(images)
-    ]
-    meta = {"fl_x": 50, "fl_y": 50, "cx": 24, "cy": 16, "w": 48, "h": 32, "frames": frames}
-    (copy / "transforms.json").write_text(json.dumps(meta))
+    write_transforms(copy, sorted(path.name for path in (copy / "images").iterdir()))
     with pytest.raises(CaptureError, match="--eval-mode"):
         manager(NerfstudioDataParserConfig(data=copy, train_split_fraction=1.0))
 

@@ -45,44 +45,36 @@ def test_the_number_of_steps_is_the_total_of_a_resumed_run(config):
     assert names == ["step-000000009.ckpt"]
 
 
+def rates_of(config: DeSplatTrainerConfig) -> list[list[float]]:
+    """At each step of a run those of all groups, `means` before those that are constant."""
+    trainer, rates = set_up(config), list[list[float]]()
+    groups = [o.param_groups[0] for o in trainer.optimizers.optimizers.values()]
+    trainer.pipeline.at_step = lambda step: rates.append([g["lr"] for g in groups])
+    trainer.train()
+    return rates
+
+
 def test_a_short_run_goes_on_with_the_schedules_of_the_longer_one(config):
-    rates: dict[str, list[float]] = {"long": [], "continued": []}
-
-    def watched(config: DeSplatTrainerConfig, name: str) -> None:
-        trainer = set_up(config)
-        group = trainer.optimizers.optimizers["means"].param_groups[0]
-        trainer.pipeline.at_step = lambda step: rates[name].append(group["lr"])
-        trainer.train()
-
-    watched(dataclasses.replace(config, timestamp="long", pipeline=StubPipelineConfig()), "long")
+    long = rates_of(dataclasses.replace(config, timestamp="long", pipeline=StubPipelineConfig()))
     train(dataclasses.replace(config, max_num_iterations=6, pipeline=StubPipelineConfig()))
-    watched(resumed(config), "continued")
     # half the nominal number of steps: 1e-2 to 1e-4 over 12 steps
-    assert rates["long"][6] == pytest.approx(1e-3, rel=1e-12)
-    assert rates["continued"] == rates["long"][6:]
+    assert long[6][0] == pytest.approx(1e-3, rel=1e-12)
+    assert rates_of(resumed(config)) == long[6:]
 
 
 def test_a_run_that_is_cut_short_goes_through_what_is_left_of_its_schedules(config, capsys):
     """Of 24 nominal steps, 12 of the run, 3 are done: the other 18 nominal ones are done in 3."""
     paced = StubPipelineConfig(model=StubModelConfig(schedule_scale=0.5))
     train(dataclasses.replace(config, max_num_iterations=3, pipeline=paced))
-    trainer, rates = set_up(resumed(config, max_num_iterations=6)), list[float]()
-    group = trainer.optimizers.optimizers["means"].param_groups[0]
-    trainer.pipeline.at_step = lambda step: rates.append(group["lr"])
-    trainer.train()
-    assert rates == pytest.approx([1e-2 * 10 ** (-n / 12) for n in (6, 12, 18)], rel=1e-12)
+    rates = rates_of(resumed(config, max_num_iterations=6))
+    assert [of[0] for of in rates] == pytest.approx(
+        [1e-2 * 10 ** (-n / 12) for n in (6, 12, 18)], rel=1e-12
+    )
     assert "planned for more steps" in capsys.readouterr().out
 
 
 def test_rates_are_higher_while_few_photos_warm_up_and_a_resumed_run_knows(config):
     """Of 24 nominal steps, so of 12, the warm-up has 4 and would have 8: 2 and 4 of the run."""
-    rates: list[list[float]] = []
-
-    def watched(config: DeSplatTrainerConfig) -> None:
-        trainer = set_up(config)
-        groups = [o.param_groups[0] for o in trainer.optimizers.optimizers.values()]
-        trainer.pipeline.at_step = lambda step: rates.append([g["lr"] for g in groups])
-        trainer.train()
 
     def higher() -> StubPipelineConfig:
         return StubPipelineConfig(model=StubModelConfig(warmup=(4, 8)))
@@ -90,11 +82,10 @@ def test_rates_are_higher_while_few_photos_warm_up_and_a_resumed_run_knows(confi
     decay = [1e-2 * 10 ** (-step / 6) for step in range(12)]
     factors = [2.0, 2.0, 2.0, 8 / 6] + 8 * [1.0]
     wanted = [[d * f, 1e-2 * f] for d, f in zip(decay, factors, strict=True)]
-    watched(dataclasses.replace(config, timestamp="straight", pipeline=higher()))
+    rates = rates_of(dataclasses.replace(config, timestamp="straight", pipeline=higher()))
     assert np.array(rates) == pytest.approx(np.array(wanted), rel=1e-12)
-    rates.clear()
     train(dataclasses.replace(config, max_num_iterations=3, pipeline=higher()))
-    watched(dataclasses.replace(resumed(config), pipeline=higher()))
+    rates = rates_of(dataclasses.replace(resumed(config), pipeline=higher()))
     assert np.array(rates) == pytest.approx(np.array(wanted[3:]), rel=1e-12)
 
 
