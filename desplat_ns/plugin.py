@@ -244,7 +244,7 @@ class RunLoader(yaml.Loader):
 @cache
 def trusted_tags() -> frozenset[str]:
     """The tags with which nerfstudio writes registered methods and data parsers: kind and full
-    name, as `python/object:desplat_ns.training.trainer.RunConfig`. It takes a second or two."""
+    name, as `python/object:desplat_ns.model_config.DeSplatModelConfig`. Takes a second or two."""
     from nerfstudio.configs.dataparser_configs import all_dataparsers
     from nerfstudio.configs.method_configs import all_methods
 
