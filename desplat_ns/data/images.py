@@ -12,22 +12,32 @@ import math
 import re
 from collections.abc import Callable
 from contextlib import suppress
+from functools import cache
 from itertools import count
 from pathlib import Path
+from threading import Lock
 from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
 import OpenImageIO as oiio
-from jaxtyping import Bool, Float, UInt8
+from jaxtyping import Bool, Float, Float32, UInt8
 from PIL import ExifTags, Image
 
+from desplat_ns.core.console import announce
 from desplat_ns.core.errors import CaptureError
+from desplat_ns.data.photo_files import exposed_together, file_names
 
 MOST_PIXELS = 1 << 28
 """Of a photo, 16,384 x 16,384; one whose header says more is not decoded."""
 
+FLOAT_SUFFIXES = (".exr", ".hdr", ".tif", ".tiff", ".jxl", ".pfm", ".dpx", ".psd")
+"""Of files whose samples may be floating point."""
+EXPOSED_FILES = 9
+"""Photos by which the exposure of a capture is found."""
+
 _LENS, _FOCAL, _FOCAL_35MM = "Exif:LensModel", "Exif:FocalLength", "Exif:FocalLengthIn35mmFilm"
+_LOCK = Lock()
 
 _KINDS = {
     "an empty file": rb"\Z",
@@ -89,22 +99,21 @@ def read_image(path: Path, camera: tuple[int, int] | None = None) -> UInt8[np.nd
     as they are stored, as COLMAP and nerfstudio read them; they are turned only where EXIF names a
     quarter turn without which they do not have the camera's shape.
 
-    Grey becomes RGB; samples of any depth are reduced to 8 bits. Floating point is white at 1.0;
-    linear light gets the sRGB curve (IEC 61966-2-1). Colours are not multiplied by alpha. Colour
-    profiles are not followed. Raises CaptureError: the file is missing, damaged or no picture, or
-    has more than `MOST_PIXELS`, integers of 32 bits, CIELAB colours, or no finite value.
+    Grey becomes RGB; samples of any depth are reduced to 8 bits. In floating point, all photos of a
+    capture have one exposure, and linear ones get the sRGB curve (IEC 61966-2-1). Colours are not
+    multiplied by alpha. Colour profiles are not followed. Raises CaptureError: the file is missing,
+    damaged or no picture, or has more than `MOST_PIXELS`, integers of 32 bits, CIELAB colours, or
+    no finite value.
     """
     photo = _open(path, camera)
     if photo.spec.format.basetype in (oiio.INT, oiio.UINT):
         raise _unreadable(path, "its samples are integers of 32 bits, and photos have 8 or 16")
     if not (photo.is_float or photo.is_linear or photo.is_multiplied):
         return np.ascontiguousarray(photo.read(oiio.UINT8))
-    values = photo.read(oiio.FLOAT)
-    if not np.isfinite(values).any():
-        raise _unreadable(path, "none of its values is finite")
-    values = np.nan_to_num(values, nan=0, posinf=1e9, neginf=0)
-    if photo.is_multiplied and values.shape[2] == 4:
-        values[..., :3] /= np.where(values[..., 3:] > 0, values[..., 3:], 1)
+    values = _light(path, photo)
+    if photo.is_float:
+        with _LOCK:  # photos are read by several threads
+            values[..., :3] *= _exposure(exposed_together(path))
     values = values.clip(0, 1)
     if photo.is_linear:
         colors = values[..., :3]
@@ -165,6 +174,43 @@ def resize_mask(mask: Bool[np.ndarray, "H W"], width: int, height: int) -> Bool[
     """Reduce by area: True where at least half of the rectangle is True."""
     area = cv2.resize(mask.astype(np.float32), (width, height), interpolation=cv2.INTER_AREA)
     return area >= 0.5
+
+
+def _light(path: Path, photo: _Photo) -> Float32[np.ndarray, "H W C"]:
+    """Values of floating point, not multiplied by alpha; NaN is black, infinity above white."""
+    values = photo.read(oiio.FLOAT)
+    if not np.isfinite(values).any():
+        raise _unreadable(path, "none of its values is finite")
+    values = np.nan_to_num(values, nan=0, posinf=1e9, neginf=0)
+    if photo.is_multiplied and values.shape[2] == 4:
+        values[..., :3] /= np.where(values[..., 3:] > 0, values[..., 3:], 1)
+    return values
+
+
+@cache
+def _exposure(folder: Path) -> float:
+    """What values of floating point below a folder are multiplied by, a power of two: 1 where at
+    most 5% of them are above 1.0, which is white, and not all are dark; else what makes it so."""
+    names = [name for name in file_names(folder) if name.lower().endswith(FLOAT_SUFFIXES)]
+    samples = [np.zeros(1, np.float32)]
+    for name in names[:: max(1, math.ceil(len(names) / EXPOSED_FILES))]:
+        with suppress(CaptureError):
+            if (photo := _open(folder / name)).is_float:
+                step = math.ceil(max(photo.size) / 256)
+                samples.append(_light(folder / name, photo)[::step, ::step, :3].ravel())
+    values = np.concatenate(samples)
+    bright, brightest = np.quantile(values, (0.95, 0.999))
+    stops = 0
+    if bright > 1.1:  # where photos were resized, white is a little above 1.0
+        stops = -math.ceil(math.log2(bright / 1.1))
+    elif 0 < brightest < 1 / 16:
+        stops = -math.ceil(math.log2(brightest))
+    announce(
+        f"Photos of floating point in {folder} have one exposure, 2^{stops}: white is "
+        f"{2.0**-stops:g}. Of the values of {len(samples) - 1} photos "
+        f"{(values * 2.0**stops > 1.01).mean():.2%} are above it and become white."
+    )
+    return 2.0**stops
 
 
 def _open(path: Path, camera: tuple[int, int] | None = None) -> _Photo:

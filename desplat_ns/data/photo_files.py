@@ -16,6 +16,9 @@ PHOTO_SUFFIXES = frozenset(
 ) | {".hif", ".jxl", ".jp2", ".j2k", ".exr", ".hdr", ".dpx", ".psd", ".tga", ".ppm", ".pgm"}
 """Endings of file names, in lower case."""
 
+_FOLDERS: set[Path] = set()
+"""Folders of photos of captures that were read."""
+
 
 def is_photo(path: Path) -> bool:
     """Whether a file is a photo, by its name."""
@@ -29,8 +32,9 @@ def photo_names(folder: Path) -> list[str]:
 
 
 def begin_folder(folder: Path, names: Iterable[str]) -> None:
-    """Say once how many files, paths below a capture's folder of photos, are none: they are passed
-    over."""
+    """Note that a capture's photos are in a folder: they are exposed together. Says once how many
+    of the files, paths below the folder, are no photos, which are passed over."""
+    _FOLDERS.add(folder)
     shown = [name for name in names if not Path(name).name.startswith(".")]
     others = [Path(name).suffix.lower() for name in shown if not is_photo(Path(name))]
     if others:
@@ -39,6 +43,16 @@ def begin_folder(folder: Path, names: Iterable[str]) -> None:
             f"{len(shown) - len(others)} photos of {len(shown)} files in {folder}, {len(others)} "
             f"passed over: {kinds}."
         )
+
+
+def exposed_together(path: Path) -> Path:
+    """The folder of whose photos one exposure is found: of the capture, also for reduced copies
+    beside it; else that of the photo."""
+    for parent in path.parents:
+        for folder in (parent, parent.parent / re.sub(r"_[\d.]+$", "", parent.name)):
+            if folder in _FOLDERS and folder.is_dir():
+                return folder
+    return path.parent
 
 
 def file_names(folder: Path) -> list[str]:

@@ -16,6 +16,7 @@ from PIL.TiffImagePlugin import IFDRational
 
 from desplat_ns.core.errors import CaptureError
 from desplat_ns.data.images import image_size, lens_of, read_image, read_mask
+from desplat_ns.data.photo_files import begin_folder
 
 FORMATS = oiio.get_string_attribute("format_list").split(",")
 CODES = np.random.default_rng(0).integers(0, 256, (6, 8, 4), dtype=np.uint8)
@@ -324,12 +325,32 @@ def test_of_several_parts_the_first_with_colours_is_read(tmp_path: Path):
     np.testing.assert_array_equal(read_image(tmp_path / "a.exr"), RGB)
 
 
-def test_lights_above_white_are_clipped(tmp_path: Path):
+@pytest.mark.parametrize(("scale", "stops"), [(1, 0), (0.01, 6), (1000, -10), (0.3, 0), (1.05, 0)])
+def test_photos_of_a_capture_have_one_exposure(
+    tmp_path: Path, scale: float, stops: int, capsys: pytest.CaptureFixture[str]
+):
+    """A photo that is dark by itself is as dark as it was beside the others."""
+    for name, factor in (("day1/a", 1), ("day1/b", 1), ("night/c", 1 / 64)):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        values = (light(RGB) * factor * scale).astype(np.float32)
+        values[5, 7] = np.nan if name == "day1/a" else values[5, 7]
+        write(tmp_path / f"{name}.exr", values)
+    begin_folder(tmp_path, [])
+    values = np.clip(light(RGB) / 64 * scale * 2.0**stops, 0, 1)
+    curve = np.where(values <= 0.0031308, 12.92 * values, 1.055 * values ** (1 / 2.4) - 0.055)
+    read = read_image(tmp_path / "night" / "c.exr")
+    # Rounding, and float32: 2^-23 of a value, 255 times.
+    assert np.abs(read - 255 * curve).max() <= 0.5 + 1e-3
+    assert f"2^{stops}:" in capsys.readouterr().out
+
+
+def test_lights_above_white_are_clipped_and_counted(tmp_path: Path, capsys):
     values = np.full((10, 20, 3), 0.5, np.float32)
     values[0, 0], values[0, 1], values[0, 2] = 50, np.inf, np.nan
     write(tmp_path / "a.exr", values)
     # 1.055 * 0.5 ** (1 / 2.4) - 0.055 = 0.73536, times 255 = 187.5
     assert read_image(tmp_path / "a.exr")[0, :4, 0].tolist() == [255, 255, 0, 188]
+    assert "1.00%" in capsys.readouterr().out
     write(tmp_path / "nan.exr", np.full((2, 2, 3), np.nan, np.float32))
     with pytest.raises(CaptureError, match=r"nan\.exr .*finite"):
         read_image(tmp_path / "nan.exr")

@@ -4,7 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from desplat_ns.data.photo_files import begin_folder, downscale_factors, photo_names, photos_near
+from desplat_ns.data.photo_files import (
+    begin_folder,
+    downscale_factors,
+    exposed_together,
+    photo_names,
+    photos_near,
+)
 
 
 def touch(folder: Path, *names: str) -> Path:
@@ -52,3 +58,13 @@ def test_files_that_are_passed_over_are_counted_by_their_endings(tmp_path: Path,
 def test_where_all_files_are_photos_nothing_is_said(tmp_path: Path, capsys):
     begin_folder(tmp_path, ["a.jpg", ".DS_Store"])
     assert capsys.readouterr().out == ""
+
+
+def test_photos_of_a_capture_and_their_reduced_copies_are_exposed_together(tmp_path: Path):
+    touch(tmp_path, "images/day/a.exr", "images_4/day/a.exr", "alone_2/a.exr", "other/a.exr")
+    for name in ("images", "alone_2"):
+        begin_folder(tmp_path / name, [])
+    of = {path.parent: exposed_together(path) for path in tmp_path.rglob("*.exr")}
+    assert of[tmp_path / "images/day"] == of[tmp_path / "images_4/day"] == tmp_path / "images"
+    assert of[tmp_path / "alone_2"] == tmp_path / "alone_2"
+    assert of[tmp_path / "other"] == tmp_path / "other"
