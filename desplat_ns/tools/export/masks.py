@@ -42,11 +42,8 @@ def photos_on_disk(
     manager: DeSplatDataManager, originals: Path | None = None
 ) -> Iterator[tuple[str, Cameras]]:
     """Of each training photo, in the order of the views: its path below the photos' folder, and the
-    camera [1] at its full size, with its distortion. Raises CaptureError of a lost photo.
-
-    Args:
-        originals: the folder that `desplat-process` was given, for its photos instead.
-    """
+    camera [1] at its full size, with its distortion. With the folder that `desplat-process` was
+    given, of the `originals` in it. Raises CaptureError of a lost photo."""
     outputs, parser = manager.train_dataparser_outputs, manager.dataparser
     cameras, paths = outputs.cameras, outputs.image_filenames
     names = image_names(paths)

@@ -124,22 +124,6 @@ def test_masks_for_training_are_corrected_and_taken_back(
 
 
 @pytest.mark.slow
-def test_masks_that_do_not_fit_on_the_disk_leave_the_earlier_ones(
-    trained: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
-    from desplat_ns.tools.commands.export import Masks
-
-    def full(path: Path, content: bytes) -> int:
-        raise OSError(28, "No space left on device")
-
-    (tmp_path / "photo_0000.png.png").write_text("before")
-    monkeypatch.setattr(Path, "write_bytes", full)
-    with pytest.raises(ConfigError, match="No space left"):
-        Masks(trained, output=tmp_path, overwrite=True).main()
-    assert [path.read_text() for path in tmp_path.iterdir()] == ["before"]
-
-
-@pytest.mark.slow
 def test_a_run_without_distractors_has_no_masks(tiny_run, tmp_path: Path):
     from nerfstudio.scripts import train
 

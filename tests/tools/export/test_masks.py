@@ -158,12 +158,6 @@ def test_what_a_capture_shows_is_masked_where_the_photo_that_process_was_given_h
         list(photos_on_disk(manager, given))
 
 
-def test_the_whole_photo_is_seen():
-    pinhole, to_photo = pinhole_of(lens(CameraType.PERSPECTIVE, -0.25, 0.06, 0.0, 0.0, 0.0, 0.0))
-    shape = int(pinhole.height), int(pinhole.width)
-    assert np.allclose(to_photo(np.ones(shape, np.float32)), 1)
-
-
 PHOTOS = ["left/0001.jpg", "left/0002.JPG", "right/0001.jpg"]
 
 
