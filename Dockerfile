@@ -8,5 +8,6 @@ RUN apt-get update && apt-get install -y --no-install-recommends build-essential
 COPY . /src
 RUN test -z "$INDEX" || pip install --no-cache-dir -c /src/constraints.txt -i "$INDEX" torch torchvision
 RUN pip install --no-cache-dir -c /src/constraints.txt "/src$EXTRA" \
-    && pip install --no-cache-dir --no-deps OpenImageIO==3.2.2.0
+    && pip install --no-cache-dir --no-deps OpenImageIO==3.2.2.0 \
+    && python -m desplat_ns.backend.compile_kernels
 WORKDIR /work
