@@ -139,9 +139,25 @@ def _method(
     )
 
 
+SWITCHES = """
+
+What people set most (docs/guides/training.md); the other desplat methods take it too:
+  --data FOLDER           the capture
+  --budget 10min          wall time of the whole run
+  --max-num-iterations N  or its steps; else they follow from the photos
+  --timestamp run         a fixed name of the run's folder
+  --vis tensorboard       ends by itself; the viewer waits for Ctrl+C
+  --load-dir FOLDER       goes on from a run's nerfstudio_models
+  --pipeline.model.effects.distractors False
+  --pipeline.model.effects.appearance off|camera|affine|sh
+  --pipeline.model.effects.background off|constant|sh|image
+  --pipeline.model.backend auto|gsplat|numba|torch
+
+After these, what the photos are: colmap --downscale-factor 2 --masks-path masks"""
+
 desplat = _method(
     "desplat",
-    "DeSplat: a clean static scene from photos with things in the way, on GPU or CPU.",
+    "DeSplat: a clean static scene from photos with things in the way, on GPU or CPU." + SWITCHES,
     desplat_model(EffectsConfig(auto=True)),
     visits=FULL_RATE_VISITS,
 )

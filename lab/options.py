@@ -200,7 +200,8 @@ def arguments_of(command: str) -> list[Option]:
 
 def page() -> str:
     """The whole page."""
-    methods = [(f"`{method.config.method_name}`", method.description) for method in METHODS]
+    described = ((each.config.method_name, each.description) for each in METHODS)
+    methods = [(f"`{name}`", text.partition("\n")[0]) for name, text in described]
     texts = [HEAD, "## Methods", markdown_table(("method", "what it is"), methods, "ll"), TRAINING]
     paper = {option.name: option.default for option in options(method_configs.desplat_paper.config)}
     ours = [*options(method_configs.desplat.config)]

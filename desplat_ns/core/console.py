@@ -6,6 +6,7 @@ import os
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from contextvars import ContextVar
 from functools import cache
 from itertools import count
 from typing import Any
@@ -18,6 +19,9 @@ from desplat_ns.core.errors import printable
 
 LISTED_NAMES = 10
 """So many names are listed in an error; the rest is counted."""
+PART = ContextVar("PART", default="")
+"""What lines of progress begin with, as `Part 1 of 3: `, in a command that says itself what is
+next."""
 TOLD_FROM, TOLD_EVERY = 5.0, 60.0
 """Seconds after which the time that is left is told first, and from one line to the next."""
 
@@ -80,6 +84,7 @@ def progress_with_time_left(label: str, alike: bool = True) -> Iterator[Callable
     """A bar on the console with the time left; what is yielded takes what is done and the total.
     Where no bar can be drawn, as in a log, the time is told in lines; where not all parts are
     `alike`, so that the first say nothing of the others, it is not told."""
+    label = f"{PART.get()}{label}"
     columns = (
         TextColumn("[progress.description]{task.description}"),
         BarColumn(),

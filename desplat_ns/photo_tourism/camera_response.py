@@ -66,9 +66,11 @@ def camera_response(
         numbers: log gain of each channel, log gamma, v.
         radius2: of `squared_radius`.
     """
-    gamma = numbers[3].exp()
+    # A gradient summed by columns first has the same bits for any number of torch's threads.
+    numbers = numbers.expand(radius2.shape[-2], NUMBERS)
+    gamma = numbers[:, 3:4].exp()
     toned = torch.exp(gamma * torch.log(rgb + FLOOR)) - torch.exp(gamma * math.log(FLOOR))
-    return toned * torch.exp(numbers[:3] + numbers[4] * radius2)
+    return toned * torch.exp(numbers[:, :3] + numbers[:, 4:] * radius2)
 
 
 @torch.no_grad()

@@ -21,7 +21,7 @@ from nerfstudio.engine.callbacks import TrainingCallback, TrainingCallbackLocati
 from nerfstudio.scripts.train import _set_random_seed
 
 from desplat_ns.core.checkpoint import checkpoints_in
-from desplat_ns.core.console import about, announce, time_in_words
+from desplat_ns.core.console import PART, about, announce, time_in_words
 from desplat_ns.core.errors import ConfigError
 from desplat_ns.core.run_files import RunFiles, find_run
 from desplat_ns.core.whole import only_process_in, write_whole
@@ -88,11 +88,17 @@ def _record(output: Path, photos: Path) -> Iterator[dict[str, Any]]:
     try:
         yield done
     finally:
+        PART.set("")
         write_whole(path, json.dumps(done, indent=1).encode())
 
 
+def _begin_part(number: int, what: str) -> None:
+    PART.set(f"Part {number} of 3: ")
+    announce(PART.get() + what)
+
+
 def _posed(photos: Path, capture: Path) -> Path:
-    announce("Part 1 of 3: where was each photo taken?")
+    _begin_part(1, "where was each photo taken?")
     Request(photos, capture).main()
     return capture
 
@@ -112,7 +118,7 @@ def _trained(
         if budget is not None and budget > (trained[method] or budget):
             announce(f"{folder} is trained to its end. To train longer, name another OUTPUT.")
         return find_run(folder / "config.yml")
-    announce("Part 2 of 3: training. Ctrl+C stops it, and keeps what is trained.")
+    _begin_part(2, "training. Ctrl+C stops it, and keeps what is trained.")
     options = ["--data", str(capture), "--output-dir", str(output), "--vis", "tensorboard"]
     options += ["--experiment-name", "training", "--timestamp", "run"]
     if budget is not None:
@@ -132,7 +138,6 @@ def _trained(
     config.print_to_terminal()
     _set_random_seed(config.machine.seed)
     trainer = config.setup(local_rank=0, world_size=1)
-    trainer.says_what_is_next = False
     trainer.setup()
     preview = Preview(output / "preview.html", trainer)
     after_step = [TrainingCallbackLocation.AFTER_TRAIN_ITERATION]
@@ -150,7 +155,7 @@ def _pages(files: RunFiles, output: Path, done: dict[str, Any]) -> Iterator[str]
     """Write pages and files that are not newer than the run's checkpoint; lines on what came out,
     the most important last."""
     seconds = f", {about(PAGES_SHARE * done['seconds'])} at most" if "seconds" in done else ""
-    announce(f"Part 3 of 3: pages and files{seconds}.")
+    _begin_part(3, f"pages and files{seconds}.")
     trained = max(path.stat().st_mtime for path in checkpoints_in(files.checkpoints))
     shown: dict[str, Any] = {}
 

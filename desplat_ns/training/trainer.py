@@ -36,7 +36,7 @@ from desplat_ns.core.checkpoint import (
     save_atomically,
     step_of,
 )
-from desplat_ns.core.console import CONSOLE, TOLD_EVERY, TOLD_FROM, about, announce
+from desplat_ns.core.console import CONSOLE, PART, TOLD_EVERY, TOLD_FROM, about, announce
 from desplat_ns.core.errors import CaptureError, CheckpointError, ConfigError
 from desplat_ns.core.optimizers import follow, load_moments, optimizer_options, set_position
 from desplat_ns.core.run_files import SURVEY
@@ -98,7 +98,6 @@ class DeSplatTrainer(Trainer):
         self._save_by = 0.0
         self.seconds_left: float | None = None
         """Until the last step, as it was told last."""
-        self.says_what_is_next = True
 
     # --- before the first step ---------------------------------------------------------------
 
@@ -285,7 +284,7 @@ class DeSplatTrainer(Trainer):
         every = TOLD_FROM if is_tenth else TOLD_EVERY
         if done < total and waited >= (1.0 if CONSOLE.is_terminal else every):
             self._last_told, self.seconds_left = now, clock.left(done, total)
-            line = f"Step {done:,} of {total:,}, {about(self.seconds_left)} left."
+            line = f"{PART.get()}Step {done:,} of {total:,}, {about(self.seconds_left)} left."
             if CONSOLE.is_terminal:
                 self._line.update(Text(line), refresh=True)
             else:
@@ -396,10 +395,9 @@ class DeSplatTrainer(Trainer):
         announce(f"{self._steps_done} steps: {len(model.gauss_params['means'])} static Gaussians.")
         for line in model.found_in_the_way():
             announce(line)
-        if not self.says_what_is_next:
-            return
-        announce(f"Next: desplat-report --load-config {config}")
-        announce(f"      desplat-export page --load-config {config} --output scene.html")
+        if not PART.get():
+            announce(f"Next: desplat-report --load-config {config}")
+            announce(f"      desplat-export page --load-config {config} --output scene.html")
 
     def _how_to_go_on(self) -> str:
         saved = checkpoints_in(self.checkpoint_dir)

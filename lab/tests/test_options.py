@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from desplat_ns.method_configs import desplat
+import re
+from functools import reduce
+
+from desplat_ns.method_configs import SWITCHES, desplat
 from lab import options
 
 
@@ -19,3 +22,10 @@ def test_every_option_of_every_command_has_a_meaning():
     for command in options.COMMANDS:
         rows = options.arguments_of(command)
         assert rows and all(row.meaning for row in rows), command
+
+
+def test_what_the_help_begins_with_are_options():
+    names = re.findall(r"(?m)^  --([\w.-]+)", SWITCHES)
+    assert len(names) == 10
+    for name in names:
+        reduce(getattr, name.replace("-", "_").split("."), desplat.config)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ import tyro
 from desplat_ns import __version__
 from desplat_ns.core.console import announce
 from desplat_ns.core.errors import ConfigError, begin_run
-from desplat_ns.core.options import check_ranges
+from desplat_ns.core.options import check_ranges, option_of
 from desplat_ns.core.run_files import OUTPUTS, RunFiles, find_run, newest_run
 
 
@@ -74,8 +75,10 @@ def split_words(command: Any, name: str, words: Sequence[str]) -> tuple[Any, tup
     words = [word.removeprefix("--data=") for word in words if word != "--data"]
     parsed, rest = tyro.cli(command, prog=name, args=words, return_unknown_args=True)
     if rest and rest[0].startswith("-"):
+        near = get_close_matches(rest[0], [option_of(f.name) for f in fields(command)], 1)
+        meant = f"Did you mean {near[0]}?" if near else "See --help."
         raise ConfigError(
-            f"{rest[0]} is no option of {name}; see --help. Options of a data parser follow its "
+            f"{rest[0]} is no option of {name}. {meant} Options of a data parser follow its "
             f"name, as in: {name} DATA colmap --downscale-factor 2."
         )
     return parsed, tuple(rest)

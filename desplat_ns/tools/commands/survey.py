@@ -20,10 +20,8 @@ from desplat_ns.tools.commands import run_on_capture
 class Arguments:
     """Say which effects a capture calls for, before any training.
 
-    A data parser's name and its options may follow, as in ns-train: colmap, nerfstudio-data,
-    robustnerf-data, photo-tourism-data, on-the-go-data, or another of nerfstudio's. Without them
-    the capture's layout is recognised, as there. `ns-train desplat colmap --help` lists the options
-    of colmap.
+    A data parser's name and its options may follow, as in ns-train; without them the capture's
+    layout is recognised. `ns-train desplat colmap --help` lists the options of colmap.
     """
 
     data: Annotated[Path, tyro.conf.Positional]

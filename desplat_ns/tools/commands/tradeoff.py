@@ -21,9 +21,8 @@ from desplat_ns.tools.commands import run_on_capture
 class Arguments:
     """Measure what accuracy costs in time: lengths, sizes of photos, effects.
 
-    A data parser's name and its options, as `ns-train` takes them, may follow; without them the
-    capture's layout is recognised, as there. `ns-train desplat colmap --help` lists the options of
-    colmap.
+    A data parser's name and its options may follow, as in ns-train; without them the capture's
+    layout is recognised. `ns-train desplat colmap --help` lists the options of colmap.
     """
 
     data: Annotated[Path, tyro.conf.Positional]

@@ -19,12 +19,20 @@ from desplat_ns.core.console import announce, progress_over
 from desplat_ns.core.errors import ConfigError
 from desplat_ns.core.run_files import RunFiles
 from desplat_ns.core.whole import plain_errors, whole_folder, write_whole
+from desplat_ns.data.images import read_mask, resize_mask
 from desplat_ns.model import DeSplatModel
 from desplat_ns.photo_tourism.shown_light import mixed_light
+from desplat_ns.tools.commands.export import Masks
 from desplat_ns.tools.export.allowed_views import allowed_views, seen_by_any
-from desplat_ns.tools.export.formats import UPRIGHT, FrameName, Naming, format_of
+from desplat_ns.tools.export.formats import UPRIGHT, FrameName, format_of
 from desplat_ns.tools.export.gltf import glb_bytes
-from desplat_ns.tools.export.masks import dilated, distractor_mask, mask_names, photos_on_disk
+from desplat_ns.tools.export.masks import (
+    dilated,
+    distractor_mask,
+    mask_names,
+    others_for_training,
+    photos_on_disk,
+)
 from desplat_ns.tools.export.ply import ply_bytes
 from desplat_ns.tools.export.splat_cloud import (
     SplatCloud,
@@ -87,29 +95,36 @@ def export_splats(
         announce(line, warning=True)
 
 
-def export_masks(
-    files: RunFiles, output: Path, invert: bool, dilate: float, naming: Naming
-) -> None:
-    """Write the distractor mask of every training photo as PNG, at the photo's full size. Raises as
-    `load_run` and `photos_on_disk`, and ConfigError where the run has no distractors."""
-    pipeline = load_run(files).pipeline
-    model = pipeline.model
+def export_masks(files: RunFiles, asked: Masks) -> None:
+    """Write distractor masks of photos as PNG, at the photo's full size. Raises as `load_run` and
+    `photos_on_disk`, and ConfigError where the run has no distractors, or its data parser takes no
+    masks."""
+    pipeline, output = load_run(files).pipeline, asked.output
+    model, manager = pipeline.model, pipeline.datamanager
     if model.distractors is None:
         raise ConfigError(
             f"The run of {files.config} has no distractors, so there is nothing to mask: "
             "--pipeline.model.effects.distractors was False. Train without it."
         )
-    photos = list(photos_on_disk(pipeline.datamanager))
-    names = mask_names([name for name, _ in photos], naming)
+    photos = list(photos_on_disk(manager, asked.originals))
+    others, given = others_for_training(manager) if asked.for_training else ([], None)
+    names = mask_names([name for name, _ in photos] + [f.name for f in others], asked.names)
     shares = []
-    drawing = progress_over(len(photos), "Drawing masks...")
+    drawing = progress_over(len(names), "Drawing masks...")
     with plain_errors(output), whole_folder(output) as folder, drawing as advance:
-        for index, ((_, camera), name) in enumerate(zip(photos, names, strict=True)):
-            mask = dilated(distractor_mask(model, index, camera), dilate)
-            _, png = cv2.imencode(".png", np.uint8(255) * (mask == invert))
+        for index, name in enumerate(names):
+            if index < len(photos):
+                mask = dilated(distractor_mask(model, index, photos[index][1]), asked.dilate)
+                shares.append(float(mask.mean()))
+            else:
+                frame = others[index - len(photos)]
+                mask = np.zeros((frame.height, frame.width), bool)
+            if given is not None:
+                height, width = mask.shape
+                mask |= ~resize_mask(read_mask(given[index], (width, height)), width, height)
+            _, png = cv2.imencode(".png", np.uint8(255) * (mask == asked.invert))
             (folder / name).parent.mkdir(parents=True, exist_ok=True)
             (folder / name).write_bytes(png.tobytes())  # which tells of a full disk
-            shares.append(float(mask.mean()))
             advance()
     announce(
         f"Saved {len(names)} masks to {output}: {names[0]}, ... They cover {np.mean(shares):.1%} "

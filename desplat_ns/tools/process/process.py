@@ -2,6 +2,7 @@
 
     OUTPUT/images         the undistorted photos                 } the capture
     OUTPUT/sparse/0       cameras, poses and points              }
+    OUTPUT/originals      the model of the photos as they were given
     OUTPUT/cameras.png    cameras and points from above
     OUTPUT/process.json   what was asked for; once the capture is made, the findings
     OUTPUT/work           copies of photos, COLMAP's databases and models; removed at the end
@@ -20,7 +21,7 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-from desplat_ns.core.console import announce, list_names
+from desplat_ns.core.console import PART, announce, list_names
 from desplat_ns.core.errors import CaptureError, ConfigError
 from desplat_ns.core.options import option_of
 from desplat_ns.core.whole import IN_USE, check_room, only_process_in, write_whole
@@ -250,4 +251,4 @@ def report_lines(output: Path, findings: Mapping[str, Any]) -> list[str]:
         "worth training. It comes from zoom that changes (try --cameras photo, with another "
         "OUTPUT), a rolling shutter, pictures of 360 degrees, or things that move."
     )
-    return [*lines, bent if findings["is_bent"] else train]
+    return [*lines, *([bent] if findings["is_bent"] else [train] * (not PART.get()))]

@@ -90,19 +90,37 @@ def test_every_training_photo_has_a_mask_of_its_size(
 
 
 @pytest.mark.slow
-def test_masks_that_do_not_fit_on_the_disk_leave_the_earlier_ones(
-    trained: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_masks_for_training_are_corrected_and_taken_back(
+    trained: Path, tmp_path: Path, tiny_run, tiny_scene
 ):
+    from nerfstudio.scripts import train
+
     from desplat_ns.tools.commands.export import Masks
 
-    def full(path: Path, content: bytes) -> int:
-        raise OSError(28, "No space left on device")
-
-    (tmp_path / "photo_0000.png.png").write_text("before")
-    monkeypatch.setattr(Path, "write_bytes", full)
-    with pytest.raises(ConfigError, match="No space left"):
-        Masks(trained, output=tmp_path, overwrite=True).main()
-    assert [path.read_text() for path in tmp_path.iterdir()] == ["before"]
+    with pytest.raises(ConfigError, match="--invert"):
+        Masks(trained, output=tmp_path / "masks", for_training=True, invert=True).main()
+    Masks(trained, output=tmp_path / "masks", for_training=True).main()
+    config: Any = tiny_run(tmp_path / "runs")
+    config.max_num_iterations = 2
+    parser = config.pipeline.datamanager.dataparser
+    parser.masks_path = tmp_path / "masks"  # a folder below the capture, or a whole path
+    manager = config.pipeline.datamanager.setup(device="cpu", test_mode="val")
+    first, held_out = manager.train_dataset, manager.eval_dataset
+    photo = first.image_filenames[0].name
+    before, painted = first.get_data(0)["mask"].numpy(), tmp_path / "masks" / f"{photo}.png"
+    mask = np.array(Image.open(painted))
+    mask[4:12, 6:20] = 0
+    Image.fromarray(mask).save(painted)
+    after = first.get_data(0)["mask"].numpy()
+    assert before[4:12, 6:20].any() and not after[4:12, 6:20].any()
+    assert (after == before)[12:].all() and held_out.get_data(0)["mask"].all()
+    train.main(config)
+    Masks(config.get_base_dir() / "config.yml", output=tmp_path / "b", for_training=True).main()
+    assert sorted(path.name for path in (tmp_path / "b").iterdir()) == sorted(
+        f"{path.name}.png" for path in (tiny_scene.folder / "images").iterdir()
+    )
+    again = np.array(Image.open(tmp_path / "b" / painted.name))
+    assert not again[mask == 0].any() and again[mask > 0].any()
 
 
 @pytest.mark.slow
