@@ -33,8 +33,8 @@ class OfScene(OfRun):
 class Splats(OfScene):
     """Write the static scene, without distractors, as splats: .ply, .spz or .glb.
 
-    Free programs: SuperSplat, to crop and clean a .ply or .spz in a browser; Brush, to look at a .ply
-    on computers, Android and in Chrome.
+    Free programs: SuperSplat, to crop and clean a .ply or .spz in a browser; Brush, to look at a
+    .ply on computers, Android and in Chrome.
     """
 
     output: Path
