@@ -10,7 +10,7 @@ import numpy as np
 
 from tests.helpers.browser import Page, headless_page
 
-BARE = "<style id=bare>header, footer { display: none !important }</style>"
+BARE = "<style id=bare>header, footer, #hint { display: none !important }</style>"
 """The stage alone, so that it is as large as the window."""
 
 

@@ -17,8 +17,6 @@ from desplat_ns.tools.pages import (
     LARGEST_SIDE,
     Picture,
     fitted_into,
-    inline_svg,
-    over_checkerboard,
     template,
     to_rgb8,
 )
@@ -39,12 +37,6 @@ def test_a_template_escapes_and_refuses_what_it_is_not_given(tmp_path: Path):
     assert page.render(name="<b>") == "&lt;b&gt;, 1 min 1 s, &lt;B&gt;"
     with pytest.raises(jinja2.UndefinedError):
         page.render()
-
-
-def test_an_svg_file_becomes_a_part_of_the_page():
-    text = '<?xml version="1.0"?>\n<svg width="3pt" height="4pt" viewBox="0 0 3 4" xmlns:a="b">'
-    text += "<metadata>\nwho</metadata><g/></svg>"
-    assert inline_svg(text) == '<svg viewBox="0 0 3 4"><g/></svg>'
 
 
 def opened(source: str) -> Image.Image:
@@ -84,12 +76,3 @@ def test_floats_and_booleans_become_8_bit_colours():
     assert to_rgb8(np.array([[[True], [False]]])).tolist() == [[[255] * 3, [0] * 3]]
     picture = np.arange(12, dtype=np.uint8).reshape(2, 2, 3)
     np.testing.assert_array_equal(to_rgb8(picture), picture)
-
-
-def test_a_layer_over_the_checkerboard_hides_it_by_its_alpha():
-    rgb, alpha = np.zeros((16, 16, 3), np.float32), np.zeros((16, 16, 1), np.float32)
-    rgb[:8], alpha[:8] = 0.25, 0.5
-    drawn = over_checkerboard(rgb, alpha)
-    assert drawn[0, 0, 0] == pytest.approx(0.25 + 0.5 * 0.92)
-    assert drawn[15, 0, 0] == pytest.approx(0.8)
-    assert drawn[15, 15, 0] == pytest.approx(0.92)

@@ -31,7 +31,11 @@ class OfScene(OfRun):
 
 @dataclass(kw_only=True)
 class Splats(OfScene):
-    """Write the static scene, without distractors, as splats: .ply, .spz or .glb."""
+    """Write the static scene, without distractors, as splats: .ply, .spz or .glb.
+
+    Free programs: SuperSplat, to crop and clean a .ply or .spz in a browser; Brush, to look at a
+    .ply on computers, Android and in Chrome.
+    """
 
     output: Path
     """The file. Its ending chooses the format: .ply (everything reads it), .spz (an eighth of
@@ -88,11 +92,7 @@ class Masks(OfRun):
 
 @dataclass(kw_only=True)
 class Page(OfScene):
-    """Write the scene itself as one HTML page: to walk around in, without a server or a network.
-
-    It begins at the first training photo's camera. Photos can be laid over the scene, and what was
-    taken out of each can be put back.
-    """
+    """Write the scene itself as one HTML page: to walk around in, without a server or a network."""
 
     output: Path
     """The page, FILE.html."""

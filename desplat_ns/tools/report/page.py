@@ -29,11 +29,12 @@ SOURCE_BYTES = 9_000_000
 """Of scene and pictures; text, and the scene's quotes written out, fit into the rest of 10 MB."""
 SCENE_BYTES = 5_500_000
 """Of the scene, with the pictures in it."""
+SIZE = "<!-- size -->"
+"""In the template, where the page names its size."""
 HARDLY = 0.001
 """Share of the photos. Distractors that cover less have found nothing."""
 MUCH = 0.5
-"""Share of a photo. A median over the views, which is what separates, needs places to be free in
-most of them."""
+"""Share of a photo. Medians over the views need places to be free in most of them."""
 
 
 def write_report(
@@ -102,7 +103,7 @@ def report_html(shown: Mapping[str, Any], scene: str = "") -> str:
     where = next(sources) if told else ""
     drawn = [(photo, {name: next(sources) for name in photo.pictures}) for photo in photos]
     shares = {photo.name: photo.covered or 0.0 for photo in training}
-    return template(TEMPLATE, in_words=in_words, list_names=list_names).render(
+    html = template(TEMPLATE, in_words=in_words, list_names=list_names).render(
         page=shown,
         scene=scene,
         training=drawn[: len(training)],
@@ -114,3 +115,4 @@ def report_html(shown: Mapping[str, Any], scene: str = "") -> str:
         where=where,
         error_top=f"{ERROR_TOP:.0%}",
     )
+    return html.replace(SIZE, f"{len(html.encode()) / 1e6:.1f} MB large")

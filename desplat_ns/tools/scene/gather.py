@@ -48,8 +48,7 @@ Rgb = UInt8[np.ndarray, "_ _ 3"]
 Color = tuple[float, float, float]
 """In [0, 1]."""
 TO_PAGE = Similarity(np.asarray(Y_UP, np.float64), 1.0, np.zeros(3))
-"""From nerfstudio's coordinates to the page's, where y is up. The scale stays that of training, in
-which cameras are at most about one unit from the origin."""
+"""From nerfstudio's coordinates to the page's, where y is up; the scale stays that of training."""
 
 
 @dataclass(frozen=True)

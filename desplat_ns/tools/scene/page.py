@@ -80,15 +80,14 @@ def scene_html(contents: PageScene, most: int) -> tuple[str, list[str]]:
 
     def page(scene: str, kept: int, reduced: str = "", others: Sequence[Any] = ()) -> str:
         first = {"name": contents.light, "background": contents.background, "change": ""}
-        lights = [first, *others]
         return template(TEMPLATE).render(
             page=contents,
             scene=scene,
             kept=kept,
             reduced=reduced,
             cameras=cameras,
-            lights=lights,
-            data={"cameras": cameras, "lights": lights, "antialiased": cloud.antialiased},
+            lights=[first, *others],
+            data={"cameras": cameras, "lights": [first, *others], "antialiased": cloud.antialiased},
             renderings=renderings,
             script=script(),
             style=STYLE.read_text("utf8"),

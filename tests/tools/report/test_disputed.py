@@ -5,7 +5,6 @@ from dataclasses import replace
 import torch
 
 from desplat_ns.backend.protocol import View
-from desplat_ns.distractors.distractors import apply_mask
 from desplat_ns.separation.decide import Thresholds
 from desplat_ns.tools.report.views import Unlike, disputed_places, unlike_in
 
@@ -69,15 +68,6 @@ def test_what_most_photos_do_not_show_is_found_with_its_place_though_nothing_cov
     place = places[found.names[0]]
     place[:6], place[54:] = False, False  # above and below the wall, where no place is
     assert (marked & place).sum() > 0.7 * (marked | place).sum()
-
-
-def test_a_user_s_mask_decides_what_a_photo_shows():
-    """As `report.pictures` has it: a photo shows the static scene where the mask leaves it out."""
-    grey, place = torch.full((HEIGHT, WIDTH, 3), 0.5), covered(0, -1.0, 2.0) > 0.5
-    photo, nothing = torch.where(place, torch.tensor([1.0, 0.0, 1.0]), grey), place.float() * 0
-    assert of_photo(0, nothing, photo).cells.any()
-    seen, _ = apply_mask(photo, grey, ~place)
-    assert not of_photo(0, nothing, seen).cells.any()
 
 
 def test_a_place_counts_where_it_is_seen():

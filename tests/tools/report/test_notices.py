@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from desplat_ns.core.effects import Effects
 from desplat_ns.tools.report.page import report_html
 from desplat_ns.tools.report.views import Disputed
 from tests.helpers.report import contents, training_photo
@@ -70,8 +69,3 @@ def test_an_effect_has_the_surveys_reason():
     assert (on, camera, off) == ("on", "camera", "off")
     assert "2 of 29" in in_photos and "a.jpg, b.jpg" in in_photos
     assert close.startswith("Because.") and "close call" in close and "safe side" in safe
-
-
-def test_an_effect_that_was_given_against_the_survey_says_so():
-    (off, _), (affine, why), _ = effects(effects=Effects(False, "affine"))
-    assert (off, affine) == ("off", "affine") and "would have said camera: Because." in why

@@ -57,6 +57,13 @@ def test_a_slider_moves_by_keyboard_and_changes_what_is_shown(page: Page):
     assert (shown(page, 0, 0.6), shown(page, 0, 0.8)) == (PHOTO, STATIC)
 
 
+def test_a_command_is_copied_whole(page: Page):
+    page.value("addEventListener('copy', () => { globalThis.copied = String(getSelection()) }), 0")
+    page.value("document.querySelector('.command button').click()")
+    assert page.value("copied").startswith("desplat-export page --load-config ")
+    assert page.value("copied").endswith(" --output scene.html")
+
+
 def test_no_request_leaves_the_page_and_nothing_goes_wrong(page: Page, address: str):
     asked = [request for request in page.requests() if not request.startswith("data:")]
     assert asked == [address]

@@ -142,14 +142,6 @@ def by_opacity(splats: SplatCloud) -> np.ndarray:
     return splats.opacities.astype(np.float64)
 
 
-def test_what_fits_stays_whole_and_is_not_weighed():
-    whole = cloud()
-    most = len(spz_bytes(whole))
-    content, rows, share = fitted(whole, most, lambda _: pytest.fail("it is weighed"))
-    assert rows.all() and share == 1.0
-    assert content == spz_bytes(whole)
-
-
 @pytest.mark.parametrize("part", [0.9, 0.5])
 def test_what_shows_most_is_kept_and_its_share_is_told(part: float):
     whole = cloud(count=1000)

@@ -4,6 +4,8 @@ import { $ } from "./files.js";
 import { ahead } from "./cameras.js";
 
 const AWAKE = 600; // milliseconds for which it is drawn on after a touch
+const MOUSE = 0.2, FLYING = 0.1; // degrees for each of CSS's pixels of a drag
+const THUMB = 80; // degrees for a finger that crosses the stage
 const TURN = 3; // degrees for each press of an arrow key, which repeats while it is held
 /** What arrow keys turn: to the right, and up. @type {Record<string, [number, number]>} */
 const ARROWS = { ArrowLeft: [-TURN, 0], ArrowRight: [TURN, 0], ArrowUp: [0, TURN], ArrowDown: [0, -TURN] };
@@ -16,7 +18,8 @@ export class Controls {
     this.reach = 1;
     this.activeUntil = 0;
     this.fly = new V.SparkControls({ canvas: this.canvas });
-    this.turningKeys = this.fly.fpsMovement.keycodeRotateMapping;
+    this.fly.fpsMovement.keycodeRotateMapping = {};
+    this.fly.pointerControls.rotateSpeed = FLYING * Math.PI / 180;
     for (const key in ARROWS) delete this.fly.fpsMovement.keycodeMoveMapping[key];
     this.orbit = this.newOrbit(new V.Vector3(0, 0, -1));
     this.setMode(false);
@@ -53,7 +56,6 @@ export class Controls {
     this.orbit.enabled = !flying;
     fly.pointerControls.enable = flying;
     fly.pointerControls.scroll.set(0, 0, 0);
-    fly.fpsMovement.keycodeRotateMapping = flying ? this.turningKeys : {};
     if (!flying) this.aim(ahead(V, camera, this.reach), this.reach);
     this.redraw();
   }
@@ -73,10 +75,10 @@ export class Controls {
 
   /** Walk by the keys, and turn the head in the mode for that. Whether anything moved. */
   move() {
-    const before = this.camera.position.clone();
+    const { position, quaternion } = this.camera, before = position.clone(), turn = quaternion.clone();
     const moved = this.fly.update(this.camera);
-    if (moved && this.orbit.enabled)
-      this.orbit.target.add(this.camera.position.clone().sub(before));
+    if (!moved) quaternion.copy(turn); // it rounds at rest, which is no move
+    else if (this.orbit.enabled) this.orbit.target.add(position.clone().sub(before));
     return moved;
   }
 
@@ -84,7 +86,13 @@ export class Controls {
   get awake() { return performance.now() < this.activeUntil; }
 
   wakeOnTouch() {
-    const awake = () => { this.activeUntil = performance.now() + AWAKE; this.redraw(); };
+    const awake = event => {
+      const { clientWidth: width, clientHeight: height } = this.canvas;
+      const degrees = event.pointerType === "touch" ? THUMB / width : MOUSE;
+      this.orbit.rotateSpeed = degrees / 360 * height;
+      this.activeUntil = performance.now() + AWAKE;
+      this.redraw();
+    };
     for (const kind of ["pointerdown", "pointermove", "pointerup", "wheel"])
       this.canvas.addEventListener(kind, awake, { passive: true });
     addEventListener("keydown", awake);
@@ -99,20 +107,28 @@ export class Controls {
 
 /** What the page's elements and keys do. @param {import("./page.js").ScenePage} page */
 export function listen(page) {
-  const toggled = id => { $(id).checked = !$(id).checked; return $(id).checked; };
   const keys = {
     n: () => page.step(1), p: () => page.step(-1),
-    f: () => page.setMode(!page.controls.flying),
-    c: () => page.showFrusta(toggled("frusta")),
-    escape: () => { help.open = false; },
+    h: () => page.goTo(0), home: () => page.goTo(0),
+    v: () => page.setMode(!page.controls.flying),
+    f: () => $("full").hidden || (document.fullscreenElement
+      ? document.exitFullscreen() : document.documentElement.requestFullscreen()),
+    c: () => $("frusta").click(),
+    "?": () => $("help").togglePopover(true),
+    escape: () => { $("about").open = false; }, // browsers close the help
   };
-  const help = /** @type {HTMLDetailsElement} */ (document.querySelector(".help"));
-  addEventListener("pointerdown", event => {
-    if (!help.contains(/** @type {Node} */ (event.target))) help.open = false;
-  });
   $("previous").onclick = keys.p;
   $("next").onclick = keys.n;
-  $("mode").onclick = keys.f;
+  $("home").onclick = keys.h;
+  $("mode").onclick = keys.v;
+  $("full").onclick = keys.f;
+  $("full").hidden = !document.fullscreenEnabled;
+  $("canvas").addEventListener("pointermove", event => { if (event.buttons) $("hint").hidden = true; });
+  addEventListener("dragover", event => event.preventDefault());
+  addEventListener("drop", event => {
+    event.preventDefault();
+    if (event.dataTransfer?.files.length) page.showFile(event.dataTransfer.files[0]);
+  });
   $("camera").onchange = () => page.goTo(Number($("camera").value));
   $("share").oninput = () => {
     $("photo").style.clipPath = `inset(0 calc(100% - ${$("share").value}%) 0 0)`;
