@@ -15,6 +15,7 @@ import torch
 from jaxtyping import Bool, UInt8
 from torch import Tensor
 
+from desplat_ns.cameras.near_plane import scene_start
 from desplat_ns.cameras.views import view_of
 from desplat_ns.core.console import progress_over
 from desplat_ns.distractors.distractors import apply_mask
@@ -26,6 +27,8 @@ from desplat_ns.training.pipeline import DeSplatPipeline
 
 ERROR_TOP = 0.25
 """Mean difference of the colours, which are in [0, 1], that gets the brightest colour."""
+VEILED_DEPTH = 0.5
+"""Of the depth at which a view's points start: what is nearer hangs before the camera."""
 CARD, BESIDE = 0.8, 0.6
 """Of the pixels' side, what pictures as wide as a card get, and those that are half as wide."""
 
@@ -117,10 +120,27 @@ def held_out_photos(
         image["detail"] = detail[index]
     for _, index, photo, rendering in worst:
         figures = results["images"][index]
+        figures |= _gaps(pipeline, index)
         pixels = {"photo": photo, "rendering": rendering, "error": error_map(photo, rendering)}
         pictures = {name: picture_of(each, BESIDE) for name, each in pixels.items()}
         shown.append(ShownPhoto(figures["name"], pictures, figures=figures))
     return results, sorted(shown, key=lambda photo: photo.figures["psnr"])
+
+
+@torch.no_grad()
+def _gaps(pipeline: DeSplatPipeline, index: int) -> dict[str, float]:
+    """Shares of a held-out view: `empty`, where nothing of the scene or of a sky is, and `veiled`,
+    where something is nearer than `VEILED_DEPTH` of the depth at which the points start."""
+    model, dataset = pipeline.model, pipeline.datamanager.eval_dataset
+    camera = dataset.cameras[index : index + 1].to(pipeline.device)
+    outputs, points = model.get_outputs_for_camera(camera), model.points
+    alpha, shares = outputs["accumulation"], {"empty": 0.0, "veiled": 0.0}
+    if model.effects.background == "off":
+        shares["empty"] = float((alpha < 0.5).float().mean())
+    if points is not None:
+        near = VEILED_DEPTH * scene_start(points, model.view_of_camera(camera, None))
+        shares["veiled"] = float(((outputs["depth"] < near) & (alpha >= 0.5)).float().mean())
+    return shares
 
 
 def error_map(

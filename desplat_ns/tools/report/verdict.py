@@ -14,6 +14,8 @@ BLURRED = 0.25
 """Share of the photos' finest detail in renderings, below which a scene looks blurred. Shares of
 finished and unfinished runs: docs/guides/results.md, "The report"."""
 FEW_PHOTOS = 8
+EMPTY, VEILED = 0.05, 0.02
+"""Shares of a held-out photo above which its holes, and what hangs before it, are named."""
 
 
 def detail_kept(photo: UInt8[np.ndarray, "H W 3"], rendering: UInt8[np.ndarray, "H W 3"]) -> float:
@@ -37,7 +39,8 @@ def verdict(
     Args:
         steps, planned: done, and of the whole run; None if a budget set its end.
         num_photos: training photos.
-        results: of the held-out photos, `detail` among the figures of each; empty without any.
+        results: of the held-out photos, `detail` among the figures of each, `empty` and `veiled`
+            (`pictures.held_out_photos`) among those of the worst; empty without any.
     """
     images = results.get("images", [])
     is_blurred = bool(images) and median(image["detail"] for image in images) < BLURRED
@@ -59,4 +62,23 @@ def verdict(
         yield (
             f"{num_photos} photos are few: what one of them shows, no other may confirm.",
             f"Add photos from other places: {FEW_PHOTOS} at least, better 20.",
+        )
+    holes, veils = (
+        [image for image in images if image.get(gap, 0.0) > most]
+        for gap, most in (("empty", EMPTY), ("veiled", VEILED))
+    )
+    if holes:
+        worst = max(holes, key=lambda image: image["empty"])
+        yield (
+            f"The scene has holes: {worst['empty']:.0%} of the held-out photo {worst['name']} is "
+            "empty, because hardly any training photo shows that part.",
+            "Take photos from there, or look at the scene from other places only.",
+        )
+    if veils:
+        worst = max(veils, key=lambda image: image["veiled"])
+        yield (
+            f"Something hangs close before the camera in {worst['veiled']:.0%} of the held-out "
+            f"photo {worst['name']}: too few training photos look through that place.",
+            "Take photos from there, or train with --pipeline.model.near-plane 0.5, which leaves "
+            "out what is that close in all views.",
         )

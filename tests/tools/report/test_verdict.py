@@ -40,3 +40,11 @@ def test_causes_come_before_consequences():
     assert "blurred" in blurred and "20 times" in blurred
     (few,) = said(scores(25, 26, 19.9), photos=5)
     assert few.startswith("5 photos")
+
+
+def test_holes_and_veils_of_the_worst_photo_are_named():
+    results = scores(13, 16, 25, 25)
+    results["images"][0] |= {"empty": 0.165, "veiled": 0.0}
+    results["images"][1] |= {"empty": 0.011, "veiled": 0.036}
+    hole, veil = said(results)
+    assert "16% of the held-out photo 0.jpg" in hole and "4% of the held-out photo 1.jpg" in veil
