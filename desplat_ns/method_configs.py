@@ -22,13 +22,13 @@ from desplat_ns.training.trainer import DeSplatTrainerConfig
 STEPS = 30_000
 """Length of the full schedule, B.3."""
 
-FULL_RATE_VISITS = 75.0
-"""Visits of each photo for which Splatfacto's learning rates are right. Chosen on generated scenes
-and one real one (docs/results/speed.md, "Learning rates of short runs")."""
+FULL_RATE_VISITS, SETTLING = 150.0, 0.2
+"""Visits of each photo for which Splatfacto's learning rates are right, and the share of a run in
+which they fall to 0 (docs/results/speed.md, "Learning rates")."""
 
-QUICK_VISITS = 25.0
-"""Visits of each photo by `desplat-quick`; `desplat` has those of the full rates
-(docs/results/speed.md, "How long to train")."""
+VISITS, QUICK_VISITS = 75.0, 25.0
+"""Visits of each photo by `desplat` and by `desplat-quick` (docs/results/speed.md, "How long to
+train")."""
 
 PHOTO_TOURISM_STEPS, BACKGROUND_STEPS = 200_000, 100_000
 """The same for Photo Tourism, and steps in which the background's rates fall: as in the authors'
@@ -126,6 +126,7 @@ def _method(
             logging=LoggingConfig(local_writer=LocalWriterConfig(enable=False), profiler="none"),
             nominal_num_iterations=steps,
             full_rate_visits=FULL_RATE_VISITS if visits > 0 else 0.0,
+            settling=SETTLING if visits > 0 else 0.0,
             visits=visits,
             steps_per_save=2000,
             steps_per_eval_batch=0,
@@ -159,7 +160,7 @@ desplat = _method(
     "desplat",
     "DeSplat: a clean static scene from photos with things in the way, on GPU or CPU." + SWITCHES,
     desplat_model(EffectsConfig(auto=True)),
-    visits=FULL_RATE_VISITS,
+    visits=VISITS,
 )
 
 desplat_quick = _method(
@@ -179,7 +180,7 @@ desplat_phototourism = _method(
     "desplat-phototourism",
     "DeSplat for tourists' photos: `desplat` with light and sky of each photo's own.",
     desplat_model(EffectsConfig(appearance="affine", background="image")),
-    visits=FULL_RATE_VISITS,
+    visits=VISITS,
 )
 
 desplat_phototourism_paper = _method(

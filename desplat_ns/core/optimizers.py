@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from copy import copy
 from dataclasses import dataclass
@@ -19,6 +20,9 @@ from desplat_ns.core.schedule import RunStep, Schedule
 SHORT_RUN_GROUPS = ("means", "scales", "quats", "features_dc", "features_rest")
 """Groups whose rates are raised in short runs: the static set's. The rate of its opacities suits
 short runs already, and distractors are trained by visits of their own."""
+
+STATIC_GROUPS = (*SHORT_RUN_GROUPS, "opacities")
+"""Groups whose rates fall to 0 at the end."""
 
 
 def adam(
@@ -53,20 +57,30 @@ def optimizer_options(optimizers: Mapping[str, Any], factor: float = 1.0) -> dic
     return copied
 
 
-def follow(optimizers: Optimizers, schedule: Schedule, early: Callable[[int], float]) -> None:
-    """Let all rates go by the nominal steps of a schedule from now on, those of `SHORT_RUN_GROUPS`
-    with the factor `early` at a step of the run. They are Python floats: numpy's, which nerfstudio
-    1.1.5 returns, end up in the checkpoint, and torch >= 2.6 refuses to load it."""
+def follow(
+    optimizers: Optimizers,
+    schedule: Schedule,
+    early: Callable[[int], float],
+    settling: Callable[[int], float],
+) -> None:
+    """Let all rates go by the nominal steps of a schedule from now on, at which those of
+    `SHORT_RUN_GROUPS` have the factor `early`, and those of `STATIC_GROUPS` also `settling`. They
+    are Python floats: numpy's, which nerfstudio 1.1.5 returns, end up in the checkpoint, and torch
+    >= 2.6 refuses to load it."""
 
-    def read_at(curve: Any, factor: Callable[[int], float]) -> Callable[[int], float]:
-        return lambda step: float(curve(schedule.nominal(RunStep(step)))) * factor(step)
+    def read_at(curve: Any, factors: list[Callable[[int], float]]) -> Callable[[int], float]:
+        def rate(step: int) -> float:
+            nominal = schedule.nominal(RunStep(step))
+            return math.prod([float(curve(nominal)), *(factor(nominal) for factor in factors)])
+
+        return rate
 
     schedulers = optimizers.schedulers
-    for name in set(SHORT_RUN_GROUPS) & optimizers.optimizers.keys() - schedulers.keys():
+    for name in set(STATIC_GROUPS) & optimizers.optimizers.keys() - schedulers.keys():
         schedulers[name] = LambdaLR(optimizers.optimizers[name], lambda step: 1.0)
     for name, scheduler in schedulers.items():
-        factor = early if name in SHORT_RUN_GROUPS else (lambda step: 1.0)
-        scheduler.lr_lambdas = [read_at(curve, factor) for curve in scheduler.lr_lambdas]
+        factors = [early] * (name in SHORT_RUN_GROUPS) + [settling] * (name in STATIC_GROUPS)
+        scheduler.lr_lambdas = [read_at(curve, factors) for curve in scheduler.lr_lambdas]
         set_position(scheduler, scheduler.last_epoch)
 
 

@@ -21,8 +21,8 @@ SPLATFACTOS_INTERVAL = 100
 """Steps. Splatfacto's interval between two refinements, in which it also counts its resets."""
 
 COUNTED_VIEWS = 40
-"""A capture with fewer views is trained for as many steps, and at the same rates, as one with this
-number: a scene takes shape in steps, because a step of Adam is as long as its rate."""
+"""A capture with fewer views is trained for as many steps as one with this number: a scene takes
+shape in steps, because a step of Adam is as long as its rate."""
 
 GPU_VISITS = 2
 """Factor on the visits of each photo on a GPU, whose steps are cheaper. Not measured."""
@@ -75,6 +75,13 @@ def early_rate_factor(step: int, warmup: int, wanted: int) -> float:
     fewer steps than a scene needs to take shape: wanted / warmup until it ends, then falling to 1
     at step `wanted`, where the warm-up of a run on more photos ends."""
     return min(MOST_RATE_FACTOR, max(1.0, wanted / max(step, warmup, 1)))
+
+
+def settling_factor(step: int, steps: int, share: float) -> float:
+    """Factor, 1 to 0, on the static set's learning rates at one of a run's nominal
+    steps: it falls linearly in the last `share` of them, so that the scene ends in the middle of
+    what single photos drew it to."""
+    return min(1.0, max(0.0, 1.0 - step / steps) / share) if share > 0 else 1.0
 
 
 # --- position ------------------------------------------------------------------------------------

@@ -45,9 +45,11 @@ class RunConfig(TrainerConfig):
     `max_num_iterations` nor a budget is given; more often where there are few photos
     (`steps_for_visits`). 0: the method's own number of steps, which is the most in any case."""
     full_rate_visits: float = ranged(0.0, "[0, inf)")
-    """Visits of each photo, steps over photos, for which the learning rates are meant; fewer than
-    40 photos count as 40. A run with fewer visits multiplies the rates of the static Gaussians, by
-    4 at most; 0: they are as they are given."""
+    """Visits of each photo, steps over photos, for which the learning rates are meant. A run with
+    fewer visits multiplies the rates of the static Gaussians, by 4 at most; 0: they are as they are
+    given."""
+    settling: float = ranged(0.0, "[0, 1]")
+    """Share of the run at its end in which the learning rates of the static Gaussians fall to 0."""
     accept_mismatch: bool = False
     """Train also where most photos show something else at the points than the others do, or masks
     leave nothing of most."""

@@ -40,7 +40,14 @@ from desplat_ns.core.console import CONSOLE, PART, TOLD_EVERY, TOLD_FROM, about,
 from desplat_ns.core.errors import CaptureError, CheckpointError, ConfigError
 from desplat_ns.core.optimizers import follow, load_moments, optimizer_options, set_position
 from desplat_ns.core.run_files import SURVEY
-from desplat_ns.core.schedule import RunStep, Schedule, early_rate_factor, rate_factor, seconds_of
+from desplat_ns.core.schedule import (
+    RunStep,
+    Schedule,
+    early_rate_factor,
+    rate_factor,
+    seconds_of,
+    settling_factor,
+)
 from desplat_ns.core.whole import plain_errors
 from desplat_ns.plugin import train_on_where_logs_cannot_be_written
 from desplat_ns.training import resume
@@ -154,11 +161,14 @@ class DeSplatTrainer(Trainer):
         warmup, wanted = self._model_config.warmup_of(photos)
 
         def early(step: int) -> float:
-            nominal = schedule.nominal(RunStep(step))
-            return max(1.0, early_rate_factor(nominal, warmup, wanted) / raised)
+            return max(1.0, early_rate_factor(step, warmup, wanted) / raised)
+
+        def settling(step: int) -> float:
+            steps = max(config.nominal_num_iterations, config.max_num_iterations)
+            return settling_factor(step, steps, config.settling)
 
         optimizers = self._guarded_optimizers(raised)
-        follow(optimizers, schedule, early)
+        follow(optimizers, schedule, early, settling)
         return optimizers
 
     def _guarded_optimizers(self, raised_by: float = 1.0) -> GuardedOptimizers:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import math
 import sys
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,7 @@ from nerfstudio.engine.schedulers import CosineDecaySchedulerConfig, Exponential
 from torch import nn
 
 from desplat_ns.core.optimizers import SHORT_RUN_GROUPS, FusedAdamConfig, follow, optimizer_options
-from desplat_ns.core.schedule import Schedule
+from desplat_ns.core.schedule import Schedule, settling_factor
 from desplat_ns.method_configs import desplat
 
 RTOL = 16 * sys.float_info.epsilon
@@ -49,14 +50,17 @@ def decay(**options: Any) -> ExponentialDecaySchedulerConfig:
     return ExponentialDecaySchedulerConfig(**{"lr_final": 1e-6, "max_steps": 100} | options)
 
 
-def learning_rates(config: Any, lr: float, steps: int, scale: float | None = 1.0) -> list[float]:
+def learning_rates(
+    config: Any, lr: float, steps: int, scale: float | None = 1.0, settling: float = 0.0
+) -> list[float]:
     """The rates that an optimizer gets over the first `steps` steps; by its own steps for None."""
     group = {"optimizer": AdamOptimizerConfig(lr=lr), "scheduler": config}
     parameters = {"means": [torch.nn.Parameter(torch.zeros(1))]}
     optimizers = Optimizers(optimizer_options({"means": group}), parameters)
     optimizer, rates = optimizers.optimizers["means"], []
     if scale is not None:
-        follow(optimizers, Schedule(scale), lambda step: 1.0)
+        at_the_end = partial(settling_factor, steps=100, share=settling)
+        follow(optimizers, Schedule(scale), lambda step: 1.0, at_the_end)
     for _ in range(steps):
         rates.append(optimizer.param_groups[0]["lr"])
         optimizer.step()
@@ -72,6 +76,12 @@ def test_a_decay_takes_the_worked_out_values_at_nominal_steps():
     first = [0.0, 0.1 * math.sqrt(0.5)]  # sin(45 degrees)
     assert rates == pytest.approx([*first, 1e-1, 10**-1.5, 1e-2, 10**-2.5, 1e-3, 1e-3], rel=RTOL)
     assert {type(rate) for rate in rates} == {float}
+
+
+def test_in_the_last_share_of_a_run_rates_fall_evenly_towards_0():
+    """Ten steps for 100 nominal ones, of a group without a schedule of its own too."""
+    last = [0.1, 0.1, 0.1 * 2 / 3, 0.1 / 3]
+    assert learning_rates(None, 0.1, 10, scale=0.1, settling=0.3)[-4:] == pytest.approx(last)
 
 
 @pytest.mark.parametrize(
