@@ -1,7 +1,6 @@
-"""What is said of a run, and when nothing is; why effects are on or off."""
+"""What is said of a run, and when nothing is."""
 
 import html
-import re
 from typing import Any
 
 import numpy as np
@@ -48,24 +47,3 @@ def test_what_stands_out_is_said_with_what_to_try(changes: dict[str, Any], words
 )
 def test_where_nothing_stands_out_nothing_is_said(changes: dict[str, Any]):
     assert said(**changes) == []
-
-
-def finding(decision: Any, confidence: str) -> dict[str, Any]:
-    return {"decision": decision, "confidence": confidence, "reason": "Because."}
-
-
-SURVEY = {"appearance": finding("camera", "close"), "background": finding("off", "none")}
-
-
-def effects(**changes: Any) -> list[tuple[str, str]]:
-    """The grade of each effect, and why."""
-    text = report_html(contents(survey=SURVEY, num_photos=29, **changes))
-    cards = text.partition('<h2 id="effects">')[2]
-    return re.findall(r'class="value">(.*?)</span></h3>\s*<p>(.*?)</p>', cards, re.DOTALL)
-
-
-def test_an_effect_has_the_surveys_reason():
-    (on, in_photos), (camera, close), (off, safe) = effects()
-    assert (on, camera, off) == ("on", "camera", "off")
-    assert "2 of 29" in in_photos and "a.jpg, b.jpg" in in_photos
-    assert close.startswith("Because.") and "close call" in close and "safe side" in safe
