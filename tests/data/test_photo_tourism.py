@@ -10,6 +10,7 @@ import torch
 from desplat_ns.core.errors import CaptureError, ConfigError
 from desplat_ns.data.dataset import CaptureDataset
 from desplat_ns.data.photo_tourism import PhotoTourismDataParser, PhotoTourismDataParserConfig
+from tests.helpers.files import write_split
 
 
 def parser_of(data: Path, **options) -> PhotoTourismDataParser:
@@ -75,9 +76,9 @@ def test_the_split_file_is_found_in_dense_and_above_it(scene, folder: str):
     assert names(parser_of(data / "dense"), "train") == ["a.jpg", "b.jpg"]
 
 
-def test_of_several_split_files_one_can_be_named(scene, split_writer):
+def test_of_several_split_files_one_can_be_named(scene):
     data = scene()
-    split_writer(data / "mine.txt", {"a.jpg": "test", "b.jpg": "train", "d.jpg": "train"})
+    write_split(data / "mine.txt", {"a.jpg": "test", "b.jpg": "train", "d.jpg": "train"})
     assert names(parser_of(data, split_file=Path("mine.txt")), "test") == ["a.jpg"]
 
 
