@@ -11,9 +11,11 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
-
-pytestmark = pytest.mark.slow
-
+from nerfstudio.cameras.cameras import CameraType
+from nerfstudio.scripts.viewer import run_viewer
+from nerfstudio.viewer.render_state_machine import RenderStateMachine
+from nerfstudio.viewer.utils import CameraState
+from nerfstudio.viewer.viewer import Viewer
 
 SIZE = (48, 32)
 
@@ -25,9 +27,6 @@ class _Started(Exception):
 @pytest.fixture(scope="module")
 def viewer(trained: Path) -> Iterator[Any]:
     """`ns-viewer`, started without a browser."""
-    from nerfstudio.scripts.viewer import run_viewer
-    from nerfstudio.viewer.viewer import Viewer
-
     started: list[Any] = []
 
     class Recorded(Viewer):
@@ -51,10 +50,6 @@ def viewer(trained: Path) -> Iterator[Any]:
 @pytest.fixture
 def frame(viewer: Any) -> Callable[[], tuple[dict[str, torch.Tensor], np.ndarray]]:
     """Renders training view 2 as the viewer does for a browser: the outputs, the picture sent."""
-    from nerfstudio.cameras.cameras import CameraType
-    from nerfstudio.viewer.render_state_machine import RenderStateMachine
-    from nerfstudio.viewer.utils import CameraState
-
     sent: list[np.ndarray] = []
     aspect = SIZE[0] / SIZE[1]
     browser: Any = SimpleNamespace(

@@ -58,7 +58,6 @@ def worst_pose(mine: Features, yard: Yard, order: Sequence[int]) -> float:
     return yard.farthest(best.folder, views)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("pairing", ["exhaustive", "similar", "sequential"])
 def test_each_pairing_gives_every_photo_its_place(
     pairing: str, plain: Features, yard: Yard, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -74,7 +73,6 @@ def test_each_pairing_gives_every_photo_its_place(
     assert worst_pose(mine, yard, range(len(yard.pictures))) < CLOSE
 
 
-@pytest.mark.slow
 def test_what_a_video_shows_again_at_its_end_is_compared_with_its_beginning(
     yard: Yard, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
@@ -99,7 +97,6 @@ def extract(mine: Features) -> None:
     find_features(mine.database, mine.copies, PLAIN)
 
 
-@pytest.mark.slow
 def test_another_focal_length_leaves_features_and_matches_and_verifies_anew(
     plain: Features, tmp_path: Path
 ):
@@ -132,7 +129,6 @@ def verified_at_equal_places(mine: Features) -> tuple[int, int]:
     return still, every
 
 
-@pytest.mark.slow
 def test_what_stands_still_in_all_photos_does_not_tie_them(
     marked: Features, yard: Yard, tmp_path: Path
 ):
@@ -143,7 +139,6 @@ def test_what_stands_still_in_all_photos_does_not_tie_them(
     assert worst_pose(mine, yard, EVERY_OTHER) < CLOSE
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("calls", [0, 1, 2])
 def test_features_and_matches_that_were_cut_off_go_on_where_they_stopped(
     yard: Yard, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, calls: int
