@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import json
 import shutil
 from dataclasses import replace
@@ -13,7 +12,6 @@ import numpy as np
 import pytest
 import torch
 import yaml
-from nerfstudio.configs.method_configs import all_methods
 from nerfstudio.scripts import train
 from nerfstudio.scripts.eval import ComputePSNR
 from nerfstudio.scripts.render import DatasetRender
@@ -26,6 +24,7 @@ from desplat_ns.data.photo_tourism import PhotoTourismDataParserConfig
 from desplat_ns.photo_tourism.shown_light import VARIABLE
 from desplat_ns.tools.commands.evaluate import Evaluate
 from lab.synthetic import SceneSpec, write_scene
+from tests.helpers.registered import registered, set_up
 from tests.helpers.splat_files import drawn, read_splats
 
 pytestmark = pytest.mark.slow
@@ -40,12 +39,10 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     spec = replace(SceneSpec.tourism(), other_sizes=((32, 48),), **small)
     scene = write_scene(spec, tmp_path_factory.mktemp("tourism"))
     assert scene.folder is not None
-    config: Any = copy.deepcopy(all_methods["desplat-phototourism"])
-    config.pipeline.datamanager.dataparser = PhotoTourismDataParserConfig(data=scene.folder)
-    config.max_num_iterations, config.vis = STEPS, "tensorboard"
-    config.steps_per_eval_image, config.steps_per_eval_all_images = 10, 20
-    config.output_dir = tmp_path_factory.mktemp("runs")
-    config.experiment_name, config.timestamp = "tiny", "run"
+    parser = PhotoTourismDataParserConfig(data=scene.folder)
+    output, short = tmp_path_factory.mktemp("runs"), {"max_num_iterations": STEPS}
+    short |= {"steps_per_eval_image": 10, "steps_per_eval_all_images": 20}
+    config = registered("desplat-phototourism", parser, output, **short)
     config.pipeline.evaluation.steps = 5
     model = config.pipeline.model
     model.num_downscales, model.schedule_scale, model.distractors.per_view = 0, 0.02, 40
@@ -85,8 +82,7 @@ def test_resuming_goes_on_with_every_group(run: Path, tmp_path: Path):
     config: Any = yaml.load(run.read_text(), Loader=yaml.UnsafeLoader)
     config.load_dir = run.parent / "nerfstudio_models"
     config.output_dir, config.max_num_iterations = tmp_path, STEPS + 2
-    trainer: Any = config.setup(local_rank=0, world_size=1)
-    trainer.setup()
+    trainer = set_up(config)
     groups = {"image_embeddings", "appearance_mlp", "appearance_features", "background_sh_dc"}
     assert groups <= trainer.optimizers.optimizers.keys()
     before = {n: p.detach().clone() for n, p in trainer.pipeline.model.named_parameters()}
