@@ -63,12 +63,6 @@ def a_model() -> Any:
     return model
 
 
-def everywhere() -> Any:
-    """As in the paper; both sets are refined every third step."""
-    distractors = DistractorConfig(per_view=20, refine_visits=1)
-    return make_model(distractors=distractors, warmup_length=2, refine_every=3)
-
-
 # --- what is found ---------------------------------------------------------------------------
 
 
@@ -93,7 +87,10 @@ def test_one_value_among_many_and_a_loss_are_found(value):
 
 @pytest.mark.slow
 def test_a_bad_gradient_changes_no_bit_and_its_photo_is_named_once(capsys):
-    trainer = GuardedTrainer(everywhere())
+    """With distractors as in the paper; both sets are refined every third step."""
+    distractors = DistractorConfig(per_view=20, refine_visits=1)
+    model = make_model(distractors=distractors, warmup_length=2, refine_every=3)
+    trainer = GuardedTrainer(model)
     trainer.model.names = ["a.jpg", "b.jpg", "c.jpg"]
     for step in range(8):
         trainer.visit(step)

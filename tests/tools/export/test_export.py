@@ -13,6 +13,7 @@ import pycolmap
 import pytest
 import torch
 from nerfstudio.data.dataparsers.nerfstudio_dataparser import NerfstudioDataParserConfig
+from scipy.spatial.transform import Rotation
 
 from desplat_ns.backend.protocol import Rendering, View
 from desplat_ns.core.run_files import RunFiles, find_run
@@ -89,7 +90,8 @@ def test_a_nerfstudio_captures_frame_is_that_of_its_own_points_also_far_out(
     (tmp_path / "sparse_pc.ply").write_text(head + rows)
     frames = []
     for i in range(4):
-        pose = rotation_about_z(0.7 * i)
+        pose = np.eye(4)
+        pose[:3, :3] = Rotation.from_euler("z", 0.7 * i).as_matrix()
         pose[:3, 3] = UTM + np.array([i, i % 2, 0])
         photo_writer(tmp_path / "images" / f"{i}.png", seed=i)
         frames.append({"file_path": f"images/{i}.png", "transform_matrix": pose.tolist()})
@@ -130,9 +132,3 @@ def test_a_nerfstudio_captures_frame_is_that_of_its_own_points_also_far_out(
     assert (
         offset == np.round(offset)
     ).all() and f"a.{ending}.offset.txt" in capsys.readouterr().out
-
-
-def rotation_about_z(angle: float) -> np.ndarray:
-    turn = np.eye(4)
-    turn[:2, :2] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
-    return turn
