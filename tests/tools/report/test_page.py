@@ -1,11 +1,18 @@
-"""The page: well nested, nothing unescaped, nothing asked from elsewhere, never too large."""
+"""The page: well nested, nothing unescaped, nothing asked from elsewhere, never too large; what is
+said of a run, and when nothing is."""
 
+import html
 import re
 from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
 
 from desplat_ns.tools.pages import Picture
 from desplat_ns.tools.report import page
 from desplat_ns.tools.report.page import report_html
+from desplat_ns.tools.report.views import Disputed
 from tests.helpers.html import Elements
 from tests.helpers.report import contents, held_out_photo, noise, plain_photo, training_photo
 
@@ -13,13 +20,13 @@ EVIL = "<script>alert(1)</script>\"'&.png"
 
 
 def test_a_page_asks_for_nothing():
-    html = report_html(contents())
-    for tag, attrs, _ in Elements(html).all:
+    text = report_html(contents())
+    for tag, attrs, _ in Elements(text).all:
         for name in ("src", "href", "srcset", "data", "action"):
             address = attrs.get(name)
             assert address is None or address.startswith(("data:", "#")), (tag, address)
-    assert not re.findall(r"https?://|@import|url\(", html)
-    assert "default-src 'none'" in html
+    assert not re.findall(r"https?://|@import|url\(", text)
+    assert "default-src 'none'" in text
 
 
 def test_names_are_text_whatever_is_in_them():
@@ -32,10 +39,10 @@ def test_names_are_text_whatever_is_in_them():
         in_the_way=[EVIL],
         config=EVIL,
     )
-    html = report_html(evil)
-    assert "<script>alert" not in html
-    assert html.count("<script>") == 1
-    assert "alert" not in "".join(v for _, attrs, _ in Elements(html).all for v in attrs if v)
+    text = report_html(evil)
+    assert "<script>alert" not in text
+    assert text.count("<script>") == 1
+    assert "alert" not in "".join(v for _, attrs, _ in Elements(text).all for v in attrs if v)
 
 
 def test_a_run_that_scored_nothing_has_a_page():
@@ -70,3 +77,45 @@ def test_pictures_get_what_the_scene_leaves_of_the_page(monkeypatch):
     alone = size("")
     assert alone <= 1_500_000
     assert size("s" * (1_500_001 - alone)) < alone
+
+
+# --- notices --------------------------------------------------------------------------------------
+
+
+DISPUTED = Disputed(0.3, ["photo_1.png", "photo_2.png"], np.ones((4, 6), bool))
+
+
+def said(**changes: Any) -> list[str]:
+    """What is said of a run in which nothing stands out, but for the changes."""
+    text = report_html(contents(**{"alone": {}, **changes}))
+    items = text.partition('<ul class="notices">')[2].partition("</ul>")[0].split("<li>")[1:]
+    return [html.unescape(item) for item in items]
+
+
+def covered(*shares: float) -> list[Any]:
+    return [training_photo(f"{i}.png", share) for i, share in enumerate(shares)]
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"verdict": [("Blurred.", "Train on.")]}, ["Blurred.", "Train on."]),
+        ({"training": covered(0.7, 0.1, 0.1)}, ["1 of 3", "0.png", "strong-excess (now"]),
+        ({"training": covered(0.7, 0.9, 0.1)}, ["2 of 3", "1.png, 0.png", "affine", "lambda-d"]),
+        ({"training": covered(0.0, 0.0)}, ["strong-excess"]),
+        ({"disputed": DISPUTED}, ["30%", "photo_1.png, photo_2.png", "<img"]),
+        ({"alone": {"a.jpg": 0.5}}, ["a.jpg (50%)."]),
+        ({"alone": dict.fromkeys("abcd", 0.5)}, ["a (50%), b (50%), c (50%) and 1 more."]),
+    ],
+)
+def test_what_stands_out_is_said_with_what_to_try(changes: dict[str, Any], words: list[str]):
+    (text,) = said(**changes)
+    assert all(word in text for word in words), text
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{}, {"distractors": None, "training": covered(0.0)}],
+)
+def test_where_nothing_stands_out_nothing_is_said(changes: dict[str, Any]):
+    assert said(**changes) == []
