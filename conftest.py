@@ -6,7 +6,6 @@ is in place, and what is imported before the hook goes unchecked.
 
 from __future__ import annotations
 
-import copy
 import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
@@ -141,19 +140,13 @@ def tiny_run(tiny_scene: Scene) -> Callable[[Path], TrainerConfig]:
     """
 
     def configure(output: Path) -> TrainerConfig:
-        from nerfstudio.configs.method_configs import all_methods
-
         from desplat_ns.core.effects import EffectsConfig
-        from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
         from desplat_ns.distractors.config import DistractorConfig
+        from tests.helpers.registered import registered_desplat
 
-        assert tiny_scene.folder is not None
-        config: Any = copy.deepcopy(all_methods["desplat"])
-        config.pipeline.datamanager.dataparser = RobustNerfDataParserConfig(data=tiny_scene.folder)
-        config.max_num_iterations, config.vis = 24, "tensorboard"
-        config.steps_per_eval_image, config.steps_per_eval_all_images = 10, 20
-        config.output_dir, config.experiment_name, config.timestamp = output, "tiny", "run"
-        config.machine.device_type = "cpu"
+        evaluated = {"steps_per_eval_image": 10, "steps_per_eval_all_images": 20}
+        short = {"max_num_iterations": 24, "experiment_name": "tiny", **evaluated}
+        config = registered_desplat(tiny_scene, output, **short)
         model = config.pipeline.model
         model.effects = EffectsConfig()
         model.num_downscales, model.schedule_scale = 0, 0.02

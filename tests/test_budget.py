@@ -17,6 +17,7 @@ from desplat_ns.training import clock as trainer_clock
 from desplat_ns.training import trainer as trainer_module
 from desplat_ns.training.datamanager import DeSplatDataManager
 from desplat_ns.training.pipeline import DeSplatPipeline
+from tests.helpers import registered
 
 BUDGET = 24
 
@@ -64,9 +65,7 @@ def config(tiny_run, tmp_path) -> Any:
 
 
 def set_up(config: Any, **changes: Any) -> Any:
-    trainer = dataclasses.replace(config, **changes).setup(local_rank=0, world_size=1)
-    trainer.setup()
-    return trainer
+    return registered.set_up(dataclasses.replace(config, **changes))
 
 
 def train(config: Any, **changes: Any) -> Any:

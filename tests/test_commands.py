@@ -12,9 +12,14 @@ import numpy as np
 import pytest
 import torch
 import yaml
+from nerfstudio.scripts import train
+from nerfstudio.scripts.eval import ComputePSNR
+from nerfstudio.scripts.render import DatasetRender
+from nerfstudio.utils import writer
 from PIL import Image
+from plyfile import PlyData
 
-pytestmark = pytest.mark.slow
+from desplat_ns.backend import resolve
 
 STEPS = 24
 NUM_TRAIN, NUM_TEST, SIZE = 6, 2, (48, 32)
@@ -59,10 +64,6 @@ def test_a_checkpoint_holds_gaussians_and_their_scene_and_no_metric_network(chec
 
 
 def test_ns_eval_writes_every_figure(trained: Path, tmp_path: Path, checkpoint: dict):
-    from nerfstudio.scripts.eval import ComputePSNR
-
-    from desplat_ns.backend import resolve
-
     output = tmp_path / "metrics.json"
     ComputePSNR(trained, output, render_output_path=tmp_path / "pictures").main()
     results = json.loads(output.read_text(), parse_constant=pytest.fail)["results"]
@@ -85,10 +86,6 @@ def test_ns_eval_writes_every_figure(trained: Path, tmp_path: Path, checkpoint: 
 def test_a_run_is_evaluated_in_another_folder_than_it_was_trained_in(
     tiny_run, tiny_scene, tmp_path: Path, monkeypatch
 ):
-    from nerfstudio.scripts import train
-    from nerfstudio.scripts.eval import ComputePSNR
-    from nerfstudio.utils import writer
-
     shutil.copytree(tiny_scene.folder, tmp_path / "capture")
     monkeypatch.chdir(tmp_path)
     config = tiny_run(Path("outputs"))
@@ -111,8 +108,6 @@ def test_a_run_is_evaluated_in_another_folder_than_it_was_trained_in(
 
 
 def test_a_run_from_a_gpu_machine_is_evaluated_without_one(trained: Path, tmp_path: Path):
-    from nerfstudio.scripts.eval import ComputePSNR
-
     config = yaml.load(trained.read_text(), Loader=yaml.UnsafeLoader)
     config.machine.device_type = "cuda"
     config.pipeline.model.backend = "gsplat"
@@ -128,8 +123,6 @@ def test_a_run_from_a_gpu_machine_is_evaluated_without_one(trained: Path, tmp_pa
 
 
 def test_every_output_of_both_splits_is_rendered(trained: Path, tmp_path: Path):
-    from nerfstudio.scripts.render import DatasetRender
-
     DatasetRender(trained, output_path=tmp_path, split="train+test", image_format="png").main()
     for split, count in (("train", NUM_TRAIN), ("test", NUM_TEST)):
         folder = tmp_path / split
@@ -155,7 +148,6 @@ def test_the_exported_splat_holds_the_static_gaussians_alone(
 ):
     pytest.importorskip("open3d", exc_type=ImportError)  # its wheels may lack system libraries
     from nerfstudio.scripts.exporter import ExportGaussianSplat
-    from plyfile import PlyData
 
     ExportGaussianSplat(trained, tmp_path).main()
     vertices = PlyData.read(tmp_path / "splat.ply")["vertex"].data

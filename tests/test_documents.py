@@ -13,6 +13,8 @@ from typing import Any
 
 import pytest
 import tyro
+from nerfstudio.scripts import train
+from nerfstudio.utils import writer
 
 from lab.synthetic import write_scene
 from tests.helpers.registered import EIGHT_VIEWS
@@ -116,9 +118,6 @@ def test_readme_s_way_from_a_capture_to_a_scene_in_a_page_can_be_gone(
 ):
     """As it stands there, but for the number of steps; what comes before, `desplat-process`, has
     tests of its own."""
-    from nerfstudio.scripts import train
-    from nerfstudio.utils import writer
-
     way = [command for command in documented if command.page == "README.md"]
     way = [command for command in way if command.program.startswith(("ns-", "desplat-"))]
     assert [command.program for command in way[:2]] == ["desplat-process", "ns-train"]

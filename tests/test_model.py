@@ -83,13 +83,11 @@ def test_distractors_that_the_photo_does_not_show_are_pruned(monkeypatch):
     monkeypatch.setattr(refinement, "MIN_PIXELS", 0.05)
     monkeypatch.setattr(refinement, "GROW_GRAD", 1e9)
     model = make_model(warmup_length=0)
-    assert model.distractors is not None
     by_pixels = replace(model.config.distractors, start="residual")
     model.distractors.densifier = DistractorDensifier(by_pixels, model.config, every=1)
     with torch.no_grad():
         distractors_of(model, 0)["opacities"].fill_(2.0)
         distractors_of(model, 0)["means"][3, 0] += 5.0
-    assert model.distractors is not None
     trainer = Trainer(model)
     trainer.step(0)
     assert len(model.distractors.views[0]) == 20  # in the warm-up

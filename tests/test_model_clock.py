@@ -26,14 +26,12 @@ def test_thresholds_of_both_sets_are_read_at_the_clock():
     settings = DistractorConfig(per_view=20, static_warmup=100)
     model = make_model(sh_degree_interval=50, distractors=settings)
     model.schedule = clock = At(0.5)
-    assert model.distractors is not None
     optimizers = Optimizers({}, {})
     for clock.now in (49.7, 50.1):
         model.step_cb(optimizers, 7)
         assert model.step == 7
         model.train()
         model(camera(0))
-        assert model.train_step is not None
         assert model.train_step.nominal == round(2 * clock.now)
         assert (model.train_step.distractors is not None) == (clock.now > 50)
         assert model.active_sh_degree == (2 if clock.now > 50 else 1)
@@ -69,7 +67,6 @@ def test_a_cameras_response_is_charged_by_its_prior_in_units_of_the_loss():
     model = model_with("camera", opacity_prior=0.6)
     assert model.config.opacity_prior == 0.6
     assert model_with("affine", opacity_prior=0.6).config.opacity_prior == 0
-    assert model.image_effects.responses is not None
     with torch.no_grad():
         model.image_effects.responses[:] = 0.3  # what all photos have in common costs nothing
         model.image_effects.responses[0] += 2 * torch.tensor(PRIOR_STD)

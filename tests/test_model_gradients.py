@@ -34,7 +34,6 @@ def test_alone_the_static_scene_its_background_and_the_poses_learn_from_its_own_
     model.optimizers = trainer.optimizers
     outputs = model(camera(1))
     losses = model.get_loss_dict(outputs, {"image": trainer.photo})
-    assert model.image_effects.background is not None
     pose = [model.camera_optimizer.pose_adjustment]
     background = list(model.image_effects.background.parameters())
     gaussians = [model.gauss_params["features_dc"], model.gauss_params["opacities"]]
@@ -89,7 +88,6 @@ def test_a_pixel_of_smaller_photos_counts_if_at_least_half_of_it_does(columns, c
     mask = torch.zeros(HEIGHT, WIDTH, 1, dtype=torch.bool)
     mask[:, :columns] = True
     smaller = model.mask_of({"mask": mask}, model.device)
-    assert smaller is not None
     assert smaller.shape == (HEIGHT // 4, WIDTH // 4, 1)
     assert smaller[:, 0].all().item() is counts
     assert not smaller[:, 1:].any()

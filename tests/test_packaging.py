@@ -43,12 +43,6 @@ def wheel(checkout: Path, tmp_path_factory: pytest.TempPathFactory) -> zipfile.Z
     return zipfile.ZipFile(built)
 
 
-def read_info(wheel: zipfile.ZipFile, name: str) -> str:
-    """A file of the wheel's .dist-info folder."""
-    (path,) = (n for n in wheel.namelist() if n.endswith(f".dist-info/{name}"))
-    return wheel.read(path).decode()
-
-
 def test_the_wheel_holds_the_whole_package_and_no_other(checkout: Path, wheel: zipfile.ZipFile):
     """The root's method_configs.py is for checkouts: site-packages gets no module of that name."""
     names = set(wheel.namelist())
@@ -71,7 +65,8 @@ def test_entry_points_lead_to_specifications_under_their_own_names(wheel: zipfil
     }
     parser = ConfigParser(delimiters="=")
     parser.optionxform = str  # type: ignore[assignment]
-    parser.read_string(read_info(wheel, "entry_points.txt"))
+    (path,) = (n for n in wheel.namelist() if n.endswith(".dist-info/entry_points.txt"))
+    parser.read_string(wheel.read(path).decode())
     assert set(parser.sections()) == set(kinds)
     for group, kind in kinds.items():
         for name, value in parser[group].items():

@@ -10,6 +10,8 @@ from pathlib import Path
 import pytest
 import torch
 
+from desplat_ns.layers import composite_alpha
+
 FOREIGN = re.compile(
     r"(?<![\w.])/(?:home|root|Users)/\w"
     r"|--(?:extra-)?index[-]url|--find[-]links|//files\.pythonhosted|//pypi\.org/simple"
@@ -42,7 +44,5 @@ def test_the_root_method_configs_is_a_link_into_the_package(checkout: Path):
 
 def test_shapes_are_checked_while_the_tests_run():
     """Fails where pytest runs without jaxtyping's two-entry option: shapes would go unchecked."""
-    from desplat_ns.layers import composite_alpha
-
     with pytest.raises(Exception, match=r"[Tt]ype-check"):
         composite_alpha(torch.zeros(2, 3, 1), torch.zeros(3, 2, 1))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -11,9 +11,11 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
-
-pytestmark = pytest.mark.slow
-
+from nerfstudio.cameras.cameras import CameraType
+from nerfstudio.scripts.viewer import run_viewer
+from nerfstudio.viewer.render_state_machine import RenderStateMachine
+from nerfstudio.viewer.utils import CameraState
+from nerfstudio.viewer.viewer import Viewer
 
 SIZE = (48, 32)
 
@@ -22,12 +24,9 @@ class _Started(Exception):
     """Raised in place of the viewer's endless wait."""
 
 
-@pytest.fixture(scope="module")
-def viewer(trained: Path) -> Iterator[Any]:
+@pytest.fixture
+def viewer(trained: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
     """`ns-viewer`, started without a browser."""
-    from nerfstudio.scripts.viewer import run_viewer
-    from nerfstudio.viewer.viewer import Viewer
-
     started: list[Any] = []
 
     class Recorded(Viewer):
@@ -39,22 +38,16 @@ def viewer(trained: Path) -> Iterator[Any]:
         raise _Started
 
     settings = run_viewer.ViewerConfigWithoutNumRays(websocket_host="127.0.0.1")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(run_viewer, "ViewerState", Recorded)
-        patch.setattr(run_viewer, "time", SimpleNamespace(sleep=stop))
-        with pytest.raises(_Started):
-            run_viewer.RunViewer(trained, settings).main()
+    monkeypatch.setattr(run_viewer, "ViewerState", Recorded)
+    monkeypatch.setattr(run_viewer, "time", SimpleNamespace(sleep=stop))
+    with pytest.raises(_Started):
+        run_viewer.RunViewer(trained, settings).main()
     yield started[0]
     started[0].viser_server.stop()
 
 
-@pytest.fixture
-def frame(viewer: Any) -> Callable[[], tuple[dict[str, torch.Tensor], np.ndarray]]:
-    """Renders training view 2 as the viewer does for a browser: the outputs, the picture sent."""
-    from nerfstudio.cameras.cameras import CameraType
-    from nerfstudio.viewer.render_state_machine import RenderStateMachine
-    from nerfstudio.viewer.utils import CameraState
-
+def test_the_viewer_shows_each_layer_and_at_first_the_static_scene(viewer: Any):
+    """Of training view 2, rendered as the viewer does for a browser."""
     sent: list[np.ndarray] = []
     aspect = SIZE[0] / SIZE[1]
     browser: Any = SimpleNamespace(
@@ -65,26 +58,21 @@ def frame(viewer: Any) -> Callable[[], tuple[dict[str, torch.Tensor], np.ndarray
     fov = 2 * math.atan(float(camera.cy) / float(camera.fy))
     state = CameraState(fov, aspect, camera.camera_to_worlds, CameraType.PERSPECTIVE, idx=2)
     machine = RenderStateMachine(viewer, 10.0, browser)
-    viewer.pipeline.model.layer_control.layer.value = "static"
 
-    def render() -> tuple[dict[str, torch.Tensor], np.ndarray]:
+    def frame() -> dict[str, torch.Tensor]:
         outputs = machine._render_img(state)
         machine._send_output_to_viewer(outputs)
-        return outputs, sent[-1]
+        return outputs
 
-    return render
-
-
-def test_the_viewer_shows_each_layer_and_at_first_the_static_scene(viewer: Any, frame: Any):
     control = viewer.pipeline.model.layer_control
     assert {path for path, _ in viewer.viewer_elements} >= {
         "Custom Elements/model/layer_control/layer",
         "Custom Elements/model/layer_control/view",
     }
-    outputs, picture = frame()
+    outputs = frame()
     assert torch.equal(outputs["rgb"], outputs["rgb_static"])
     assert not outputs["alpha_distractor"].any()
-    assert picture.any()
+    assert sent[-1].any()
     control.view.value = control.names[2]
     for layer, output in (
         ("composite", "rgb_composite"),
@@ -92,10 +80,10 @@ def test_the_viewer_shows_each_layer_and_at_first_the_static_scene(viewer: Any, 
         ("mask", "distractor_mask"),
     ):
         control.layer.value = layer
-        outputs, picture = frame()
+        outputs = frame()
         expected = outputs[output].expand_as(outputs["rgb"]).float()
         assert torch.equal(outputs["rgb"], expected.clamp(0, 1))
         assert outputs["alpha_distractor"].any()
-        assert picture.dtype == np.uint8
+        assert sent[-1].dtype == np.uint8
     control.layer.value = "static"
-    assert not frame()[0]["alpha_distractor"].any()
+    assert not frame()["alpha_distractor"].any()

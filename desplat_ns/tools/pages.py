@@ -1,4 +1,4 @@
-"""What the HTML pages share: templates, pictures and charts inside the page, figures in words.
+"""What the HTML pages share: templates, pictures inside the page, figures in words.
 Pictures have 8-bit colours, layers over a checkerboard; they are made as small as the page's size
 asks for.
 
@@ -9,9 +9,7 @@ from __future__ import annotations
 
 import base64
 import io
-import re
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -112,42 +110,3 @@ def over_checkerboard(
     rows, columns = np.indices(alpha.shape[:2]) // size
     squares = np.where((rows + columns) % 2 == 0, 0.92, 0.8)[..., None]
     return (rgb + (1 - alpha) * squares).astype(rgb.dtype)
-
-
-@contextmanager
-def chart(name: str, size: tuple[float, float]) -> Iterator[Any]:
-    """Axes to draw on, and, before it is left, to save by `svg_of`. `name` keeps apart what charts
-    of one page refer to; `size` is in inches, letters have 10 points."""
-    import matplotlib
-    from matplotlib.figure import Figure
-
-    style: dict[Any, Any] = {"svg.fonttype": "none", "svg.hashsalt": name}
-    with matplotlib.rc_context({**style, "font.size": 10, "font.family": "sans-serif"}):
-        axes = Figure(figsize=size, layout="constrained").subplots()
-        axes.grid(True, which="major", alpha=0.25)
-        axes.spines[["top", "right"]].set_visible(False)
-        yield axes
-
-
-def plain_logarithmic(axis: Any) -> None:
-    """An axis of logarithms with numbers as 0.5, 20, 1,000 instead of powers of ten."""
-    from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
-
-    axis.axes.set(**{f"{axis.axis_name}scale": "log"})
-    axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
-    axis.set_minor_locator(NullLocator())
-    axis.set_major_formatter(StrMethodFormatter("{x:,.10g}"))
-
-
-def svg_of(axes: Any) -> str:
-    """A chart as an SVG file."""
-    text = io.StringIO()
-    axes.figure.savefig(text, format="svg", metadata={"Date": None, "Creator": None})
-    return text.getvalue()
-
-
-def inline_svg(text: str) -> str:
-    """An SVG file for HTML: without prologue, metadata, name spaces and a size of its own."""
-    text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
-    tag, rest = text[text.index("<svg") :].split(">", 1)
-    return re.sub(r' (?:width|height|xmlns(?::\w+)?)="[^"]*"', "", tag) + ">" + rest

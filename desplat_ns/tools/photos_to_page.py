@@ -28,6 +28,7 @@ from desplat_ns.core.whole import only_process_in, write_whole
 from desplat_ns.data.layouts import is_capture
 from desplat_ns.evaluation.config import in_words
 from desplat_ns.tools.commands.export import Masks, Page, Splats
+from desplat_ns.tools.commands.report import Report
 from desplat_ns.tools.preview import Preview
 from desplat_ns.tools.process.request import Request
 from desplat_ns.tools.report.page import write_report
@@ -38,8 +39,6 @@ PAGES_SHARE = 0.2
 """Of a budget, or of the time of the training, for pages and files: they took 0.1 to 0.2 of it."""
 LEAST_TRAINING = 30.0
 """Seconds. Start-up and survey alone take ten to twenty."""
-MOST_TRAINING, MOST_HELD_OUT = 50, 12
-"""Photos in the report."""
 
 
 def make(photos: Path, output: Path, method: str, budget: float | None) -> None:
@@ -158,12 +157,8 @@ def _pages(files: RunFiles, output: Path, done: dict[str, Any]) -> Iterator[str]
     _begin_part(3, f"pages and files{seconds}.")
     trained = max(path.stat().st_mtime for path in checkpoints_in(files.checkpoints))
     shown: dict[str, Any] = {}
-
-    def report(at: Path) -> None:
-        shown.update(write_report(files, at, MOST_TRAINING, MOST_HELD_OUT, True))
-
     writers: dict[str, Callable[[Path], None]] = {
-        "report.html": report,
+        "report.html": lambda at: shown.update(write_report(files, at, Report(files.config))),
         "scene.html": lambda at: Page(files.config, output=at, overwrite=True).main(),
         "scene.ply": lambda at: Splats(files.config, output=at, overwrite=True).main(),
         "masks": lambda at: Masks(files.config, output=at, overwrite=True).main(),

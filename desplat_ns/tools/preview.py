@@ -7,14 +7,13 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-import torch
-
 from desplat_ns.core.console import about
 from desplat_ns.core.whole import write_whole
 from desplat_ns.evaluation.halves import embedding_from_left_half, right_half
 from desplat_ns.metrics import psnr
 from desplat_ns.tools.pages import fitted_into, template
 from desplat_ns.tools.report.pictures import picture_of
+from desplat_ns.tools.scene.gather import training_images
 from desplat_ns.training import resume
 
 TEMPLATE = Path(__file__).with_name("preview.html.jinja")
@@ -86,8 +85,6 @@ class Preview:
 
     def _training_photo(self, index: int) -> tuple[dict[str, Any], Any]:
         manager, model = self.pipeline.datamanager, self.pipeline.model
-        batch = manager.cached_train[index]
-        camera = manager.train_dataset.cameras[index : index + 1].to(model.device)
-        camera.metadata = {"train_idx": torch.tensor([[index]])}
-        outputs = model.get_outputs_for_camera(camera)
+        _, camera, batch = next(training_images(manager, [index]))
+        outputs = model.get_outputs_for_camera(camera.to(model.device))
         return outputs, model.photo_of(outputs, {"image": batch["image"].to(model.device)})

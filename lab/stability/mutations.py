@@ -75,7 +75,7 @@ MUTATIONS = (
              "tests/distractors/test_placement.py"),
     Mutation("weak regions without a strong cell", "separation/decide.py",
              "keep[labels[strong]] = True", "keep[labels[weak]] = True",
-             "tests/separation/test_regions.py"),
+             "tests/separation/test_decide.py"),
     Mutation("photos are held beyond the bound", "data/photo_cache.py",
              "range(most - 1 - self._ahead)", "range(most)",
              "tests/data/test_photo_cache.py"),

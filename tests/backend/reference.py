@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import pi, sqrt
+from typing import Any
 
 import torch
 from torch import Tensor
@@ -136,22 +137,22 @@ def sh_colors(means: Tensor, harmonics: Tensor, centre: Tensor, degree: int) -> 
     return colors - torch.where(cut, colors.detach(), 0)
 
 
-def project(
-    means, quats, scales, opacities, colors, viewmat, K, size, sh_degree, antialiased
-) -> Projection:
-    rotation, translation = viewmat[:3, :3], viewmat[:3, 3]
-    means_c = means @ rotation.T + translation
-    R = rotations(quats)
-    sigma3d = R @ torch.diag_embed(scales**2) @ R.mT
-    sharp = covariances2d(means_c, sigma3d, rotation, K, size)
-    cov2d = sharp + LOW_PASS * torch.eye(2, dtype=means.dtype)
+def project(scene: Any, antialiased: bool) -> Projection:
+    """Of a float64 scene as `scenes.TestScene` has it."""
+    rotation, translation = scene.viewmat[:3, :3], scene.viewmat[:3, 3]
+    means_c = scene.means @ rotation.T + translation
+    R = rotations(scene.quats)
+    sigma3d = R @ torch.diag_embed(scene.scales**2) @ R.mT
+    sharp = covariances2d(means_c, sigma3d, rotation, scene.K, scene.size)
+    cov2d = sharp + LOW_PASS * torch.eye(2, dtype=sharp.dtype)
     conics = torch.linalg.inv(cov2d)
-    projected = means_c @ K.T
+    projected = means_c @ scene.K.T
     means2d = projected[:, :2] / projected[:, 2:]
+    opacities, colors = scene.opacities, scene.colors
     if antialiased:
         opacities = opacities * (torch.linalg.det(sharp) / torch.linalg.det(cov2d)).sqrt()
-    if sh_degree is not None:
-        colors = sh_colors(means, colors, -rotation.T @ translation, sh_degree)
+    if scene.sh_degree is not None:
+        colors = sh_colors(scene.means, colors, -rotation.T @ translation, scene.sh_degree)
     return Projection(means_c, cov2d, conics, means2d, opacities, colors)
 
 
@@ -208,22 +209,3 @@ def composite(gaussians: Projection, size: tuple[int, int]) -> Reference:
 def sharpness(conics: Tensor) -> float:
     """Square root of their largest eigenvalue, 0 of none."""
     return float(torch.linalg.eigvalsh(conics.detach()).max().sqrt()) if len(conics) else 0.0
-
-
-def render(
-    means,
-    quats,
-    scales,
-    opacities,
-    colors,
-    viewmat,
-    K,
-    size: tuple[int, int],
-    sh_degree: int | None = None,
-    antialiased: bool = False,
-) -> Reference:
-    """Render float64 tensors; `size` is (width, height)."""
-    gaussians = project(
-        means, quats, scales, opacities, colors, viewmat, K, size, sh_degree, antialiased
-    )
-    return composite(gaussians, size)

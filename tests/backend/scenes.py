@@ -136,18 +136,7 @@ def picked(scene: TestScene, rows: Tensor | list[int]) -> TestScene:
 
 def render_reference(scene: TestScene, settings: RenderSettings) -> reference.Reference:
     """Render a float64 scene with the independent reference."""
-    return reference.render(
-        scene.means,
-        scene.quats,
-        scene.scales,
-        scene.opacities,
-        scene.colors,
-        scene.viewmat,
-        scene.K,
-        scene.size,
-        sh_degree=scene.sh_degree,
-        antialiased=settings.antialiased,
-    )
+    return reference.composite(reference.project(scene, settings.antialiased), scene.size)
 
 
 def tolerance(dtype: torch.dtype, size: tuple[int, int], sharpness: float) -> float:

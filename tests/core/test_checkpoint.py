@@ -35,11 +35,6 @@ def state(step: int, size: int = 1000) -> dict[str, Any]:
     return {"step": step, "pipeline": {"w": torch.full((size,), float(step))}, "optimizers": {}}
 
 
-def truncate(path: Path) -> None:
-    """Cut a file in half, as a copy that was broken off leaves it."""
-    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
-
-
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     """A run's checkpoint folder with steps 1, 2 and 10."""
@@ -58,7 +53,7 @@ def test_of_older_ones_the_one_before_stays(folder):
 
 def test_with_every_checkpoint_damaged_each_is_named_and_a_missing_one_is(folder, capsys):
     for path in checkpoints_in(folder):
-        truncate(path)
+        path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])  # broken off
     with pytest.raises(CheckpointError, match="nerfstudio_models"):
         load_newest(folder)
     said = capsys.readouterr().out

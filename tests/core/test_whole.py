@@ -1,7 +1,12 @@
 """Files appear whole or not at all, and what is there is not lost."""
 
+import subprocess
+import sys
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -17,7 +22,6 @@ from desplat_ns.core.whole import (
     whole_folder,
     write_whole,
 )
-from tests.helpers.other_process import running
 
 
 def test_a_file_is_written_with_its_folders_and_nothing_beside_it(tmp_path: Path):
@@ -96,18 +100,33 @@ def test_a_draft_that_fails_leaves_what_was_there(tmp_path: Path):
 # --- one process in a folder ---------------------------------------------------------------------
 
 HOLDING = """
+import sys
 from pathlib import Path
-from desplat_ns.core.whole import *
-with only_process_in(Path({!r})):
-    wait()
+from desplat_ns.core.whole import only_process_in
+with only_process_in(Path(sys.argv[1])):
+    print("waiting", flush=True)
+    sys.stdin.read()
 """
+
+
+@contextmanager
+def another_at_work(folder: Path, checkout: Path) -> Iterator[subprocess.Popen[str]]:
+    """Within, another process is at work in a folder."""
+    line = [sys.executable, "-c", HOLDING, str(folder)]
+    pipes: Any = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
+    with subprocess.Popen(line, cwd=checkout, text=True, **pipes) as process:
+        try:
+            assert process.stdout is not None and "waiting\n" in process.stdout, "it ended before"
+            yield process
+        finally:
+            process.kill()
 
 
 def test_a_second_process_is_refused_at_once_with_the_folder_and_the_first(
     tmp_path: Path, checkout: Path
 ):
     folder = tmp_path / "out"
-    with running(HOLDING.format(str(folder)), checkout):
+    with another_at_work(folder, checkout):
         begin = time.monotonic()
         for _ in range(2):  # a refusal takes nothing away from the first
             with pytest.raises(ConfigError, match=str(folder)), only_process_in(folder):
@@ -120,7 +139,7 @@ def test_a_second_process_is_refused_at_once_with_the_folder_and_the_first(
 @pytest.mark.parametrize("end", ["kill", "terminate"])
 def test_the_lock_is_gone_with_a_process_that_was_ended(tmp_path: Path, checkout: Path, end: str):
     folder = tmp_path / "out"
-    with running(HOLDING.format(str(folder)), checkout) as other:
+    with another_at_work(folder, checkout) as other:
         getattr(other, end)()
         other.wait()
         with only_process_in(folder):

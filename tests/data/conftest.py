@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.helpers.files import write_split
+
 CAMERAS = (
     "1 PINHOLE 8 6 10 11 4 3",
     "2 PINHOLE 6 8 10 11 3 4",
@@ -15,18 +17,6 @@ CAMERAS = (
 )
 SIZES = ((8, 6), (6, 8), (12, 4), (8, 6))
 SPLIT = {"a.jpg": "train", "b.jpg": "train", "c.jpg": "test"}
-
-
-def write_split(path: Path, split: Mapping[str, str]) -> Path:
-    """A split file; ids count from 1."""
-    rows = [f"{name}\t{i}.0\t{kind}\tscene" for i, (name, kind) in enumerate(split.items(), 1)]
-    path.write_text("\n".join(["filename\tid\tsplit\tdataset", *rows]) + "\n")
-    return path
-
-
-@pytest.fixture
-def split_writer() -> Callable[..., Path]:
-    return write_split
 
 
 @pytest.fixture

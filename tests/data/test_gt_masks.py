@@ -11,11 +11,15 @@ from PIL import Image
 
 from desplat_ns.core.errors import CaptureError
 from desplat_ns.data.gt_masks import read_gt_mask
-from tests.helpers.masks import HEIGHT, WIDTH, write_mask
+
+WIDTH, HEIGHT = 4, 2
 
 
 def test_a_mask_is_reduced_to_the_size_of_the_rendering(tmp_path: Path):
-    mask = read_gt_mask(write_mask(tmp_path / "big.png", 1, scale=3), WIDTH, HEIGHT)
+    large = np.zeros((3 * HEIGHT, 3 * WIDTH), np.uint8)
+    large[:, :3] = 255
+    Image.fromarray(large).save(tmp_path / "big.png")
+    mask = read_gt_mask(tmp_path / "big.png", WIDTH, HEIGHT)
     assert mask.shape == (HEIGHT, WIDTH, 1)
     assert torch.equal(mask[..., 0], torch.tensor([[True, False, False, False]] * HEIGHT))
 

@@ -7,6 +7,7 @@ import struct
 import zlib
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import OpenImageIO as oiio
@@ -86,10 +87,13 @@ def pnm(path: Path, magic: bytes, samples: np.ndarray, white: int) -> None:
     path.write_bytes(magic + b"\n" + size + samples.astype(">u2").tobytes())
 
 
-def pil(pixels: np.ndarray, mode: str | None = None, **options) -> Callable[[Path], None]:
+def pil(path: Path, pixels: np.ndarray, mode: str | None = None, **options) -> None:
     image = Image.fromarray(pixels.squeeze())
-    image = image.convert(mode) if mode else image
-    return lambda path: image.save(path, **options)
+    (image.convert(mode) if mode else image).save(path, **options)
+
+
+def palette(path: Path) -> None:
+    Image.fromarray(RGB).quantize(16).save(path)
 
 
 def heif(path: Path) -> None:
@@ -102,122 +106,99 @@ LAYERS = "beauty.A beauty.B beauty.G beauty.R depth.Z"
 FOUR_AND_DEPTH = np.dstack([np.ones((6, 8)), light(RGB)[..., ::-1], np.full((6, 8), 9.0)])
 PALETTE = np.asarray(Image.fromarray(RGB).quantize(16).convert("RGB"))
 CMYK = np.dstack([255 - RGB, np.zeros_like(GREY)])
-FIFTH = np.full_like(GREY, 51)
+FIFTH, FULL = np.full_like(GREY, 51), np.full_like(GREY, 255)
+BITS = np.uint8(255) * (GREY > 99)
+GREYS = GREY[..., [0, 0, 0]]
+LINEAR, HALF = light(RGB).astype(np.float32), light(RGB).astype(np.float16)
+CODED = (RGB / 255).astype(np.float32)
+RGB16, GREY16 = deep(RGB, 16), deep(GREY, 16)
+LINEAR16 = np.rint(light(RGB) * 65535).astype(np.uint16)
 
-ROWS: dict[str, tuple[Callable[[Path], None], np.ndarray]] = {
-    "jpeg.jpg": (pil(FLAT, quality=95), FLAT),
-    "jpeg grey.jpg": (pil(FLAT[..., 0], quality=95), FLAT),
-    "jpeg cmyk.jpg": (pil(FLAT, "CMYK", quality=95), FLAT),
-    "png 8.png": (pil(RGB), RGB),
-    "png 16.png": (lambda p: write(p, deep(RGB, 16)), RGB),
-    "png grey alpha.png": (
-        lambda p: write(p, CODES[..., :2], "Y A", oiio__UnassociatedAlpha=1),
-        CODES[..., [0, 0, 0, 1]],
+
+def row(shown: np.ndarray, write_it: Callable[..., None], *values: Any, **options: Any) -> Any:
+    """What a file shows, and what writes it to a path."""
+    return shown, lambda path: write_it(path, *values, **options)
+
+
+ROWS: dict[str, tuple[np.ndarray, Callable[[Path], None]]] = {
+    "jpeg.jpg": row(FLAT, pil, FLAT, quality=95),
+    "jpeg grey.jpg": row(FLAT, pil, FLAT[..., 0], quality=95),
+    "jpeg cmyk.jpg": row(FLAT, pil, FLAT, "CMYK", quality=95),
+    "png 8.png": row(RGB, pil, RGB),
+    "png 16.png": row(RGB, write, RGB16),
+    "png grey alpha.png": row(
+        CODES[..., [0, 0, 0, 1]], write, CODES[..., :2], "Y A", oiio__UnassociatedAlpha=1
     ),
-    "png alpha.png": (pil(CODES), CODES),
-    "png 1.png": (
-        pil(np.uint8(255) * (GREY > 99), "1"),
-        np.uint8(255) * (RGB[..., [0, 0, 0]] > 99),
+    "png alpha.png": row(CODES, pil, CODES),
+    "png 1.png": row(BITS[..., [0, 0, 0]], pil, BITS, "1"),
+    "png palette.png": row(PALETTE, palette),
+    "png gamma.png": row(RGB, png_with, b"gAMA", struct.pack(">I", 100_000)),
+    "png linear.png": row(RGB, png_with, b"cICP", bytes([1, 8, 0, 1])),
+    "tiff 8.tif": row(RGB, pil, RGB),
+    "tiff lzw.tif": row(RGB, pil, RGB, compression="tiff_lzw"),
+    "tiff 10.tif": row(RGB, write, RGB16, oiio__BitsPerSample=10),
+    "tiff 12.tif": row(RGB, write, RGB16, oiio__BitsPerSample=12),
+    "tiff 16.tif": row(RGB, write, RGB16),
+    "tiff planes.tif": row(RGB, write, RGB16, planarconfig="separate"),
+    "tiff tiles.tif": row(RGB, write, RGB, tile_width=16, tile_height=16),
+    "tiff half.tif": row(RGB, tiff, (RGB / 255).astype(np.float16), 2, t339=3),
+    "tiff float.tif": row(RGB, tiff, CODED, 2, t339=3),
+    "tiff double.tif": row(RGB, tiff, RGB / 255, 2, t339=3),
+    "tiff big endian.tif": row(RGB, tiff, RGB16, 2, ">"),
+    "tiff white is 0.tif": row(GREYS, tiff, 255 - GREY, 0),
+    "tiff white is 0, 16.tif": row(GREYS, tiff, ~GREY16, 0),
+    "tiff 1.tif": row(BITS[..., [0, 0, 0]], pil, BITS, "1"),
+    "tiff zip.tif": row(RGB, pil, RGB, compression="tiff_adobe_deflate"),
+    "tiff packbits.tif": row(RGB, pil, RGB, compression="packbits"),
+    "tiff jpeg.tif": row(FLAT, pil, FLAT, compression="jpeg", quality=95),
+    "tiff ycbcr.tif": row(FLAT, pil, FLAT, "YCbCr"),
+    "tiff cmyk.tif": row(RGB, tiff, CMYK, 5),
+    "tiff alpha.tif": row(CODES, tiff, CODES, 2, t338=2),
+    "tiff multiplied.tif": row(
+        np.dstack([RGB // 5 * 5, FIFTH]), tiff, np.dstack([RGB // 5, FIFTH]), 2, t338=1
     ),
-    "png palette.png": (lambda p: Image.fromarray(RGB).quantize(16).save(p), PALETTE),
-    "png gamma.png": (lambda p: png_with(p, b"gAMA", struct.pack(">I", 100_000)), RGB),
-    "png linear.png": (lambda p: png_with(p, b"cICP", bytes([1, 8, 0, 1])), RGB),
-    "tiff 8.tif": (pil(RGB), RGB),
-    "tiff lzw.tif": (pil(RGB, compression="tiff_lzw"), RGB),
-    "tiff 10.tif": (lambda p: write(p, deep(RGB, 16), oiio__BitsPerSample=10), RGB),
-    "tiff 12.tif": (lambda p: write(p, deep(RGB, 16), oiio__BitsPerSample=12), RGB),
-    "tiff 16.tif": (lambda p: write(p, deep(RGB, 16)), RGB),
-    "tiff planes.tif": (lambda p: write(p, deep(RGB, 16), planarconfig="separate"), RGB),
-    "tiff tiles.tif": (lambda p: write(p, RGB, tile_width=16, tile_height=16), RGB),
-    "tiff half.tif": (lambda p: tiff(p, (RGB / 255).astype(np.float16), 2, t339=3), RGB),
-    "tiff float.tif": (lambda p: tiff(p, (RGB / 255).astype(np.float32), 2, t339=3), RGB),
-    "tiff double.tif": (lambda p: tiff(p, RGB / 255, 2, t339=3), RGB),
-    "tiff big endian.tif": (lambda p: tiff(p, deep(RGB, 16), 2, ">"), RGB),
-    "tiff white is 0.tif": (lambda p: tiff(p, 255 - GREY, 0), GREY[..., [0, 0, 0]]),
-    "tiff white is 0, 16.tif": (lambda p: tiff(p, ~deep(GREY, 16), 0), GREY[..., [0, 0, 0]]),
-    "tiff 1.tif": (
-        pil(np.uint8(255) * (GREY > 99), "1"),
-        np.uint8(255) * (RGB[..., [0, 0, 0]] > 99),
+    "tiff fourth.tif": row(RGB, tiff, CODES, 2, t338=0),
+    "exr half.exr": row(RGB, write, HALF),
+    "exr float.exr": row(RGB, write, LINEAR),
+    "exr layers.exr": row(np.dstack([RGB, FULL]), write, FOUR_AND_DEPTH.astype("f4"), LAYERS),
+    "exr long names.exr": row(RGB, write, LINEAR[..., ::-1], "v.blue v.green v.red"),
+    "exr grey.exr": row(GREYS, write, LINEAR[..., :1], "Y"),
+    "exr says sRGB.exr": row(RGB, write, CODED, oiio__ColorSpace="sRGB"),
+    "dpx 10.dpx": row(RGB, write, RGB16, oiio__BitsPerSample=10),
+    "dpx 12.dpx": row(RGB, write, RGB16, oiio__BitsPerSample=12),
+    "jxl 8.jxl": row(RGB, write, RGB, compression="lossless"),
+    "jxl 16.jxl": row(RGB, write, RGB16, compression="lossless"),
+    "jxl alpha.jxl": row(CODES, write, CODES, compression="lossless", oiio__UnassociatedAlpha=1),
+    "jxl float.jxl": row(RGB, write, LINEAR, compression="lossless"),
+    "jxl half.jxl": row(RGB, write, HALF, compression="lossless"),
+    "jxl linear 16.jxl": row(
+        RGB, write, LINEAR16, compression="lossless", oiio__ColorSpace="lin_rec709"
     ),
-    "tiff zip.tif": (pil(RGB, compression="tiff_adobe_deflate"), RGB),
-    "tiff packbits.tif": (pil(RGB, compression="packbits"), RGB),
-    "tiff jpeg.tif": (pil(FLAT, compression="jpeg", quality=95), FLAT),
-    "tiff ycbcr.tif": (pil(FLAT, "YCbCr"), FLAT),
-    "tiff cmyk.tif": (lambda p: tiff(p, CMYK, 5), RGB),
-    "tiff alpha.tif": (lambda p: tiff(p, CODES, 2, t338=2), CODES),
-    "tiff multiplied.tif": (
-        lambda p: tiff(p, np.dstack([RGB // 5, FIFTH]), 2, t338=1),
-        np.dstack([RGB // 5 * 5, FIFTH]),
-    ),
-    "tiff fourth.tif": (lambda p: tiff(p, CODES, 2, t338=0), RGB),
-    "exr half.exr": (lambda p: write(p, light(RGB).astype(np.float16)), RGB),
-    "exr float.exr": (lambda p: write(p, light(RGB).astype(np.float32)), RGB),
-    "exr layers.exr": (
-        lambda p: write(p, FOUR_AND_DEPTH.astype(np.float32), LAYERS),
-        np.dstack([RGB, np.full_like(GREY, 255)]),
-    ),
-    "exr long names.exr": (
-        lambda p: write(p, light(RGB).astype(np.float32)[..., ::-1], "v.blue v.green v.red"),
-        RGB,
-    ),
-    "exr grey.exr": (lambda p: write(p, light(GREY).astype(np.float32), "Y"), GREY[..., [0, 0, 0]]),
-    "exr says sRGB.exr": (
-        lambda p: write(p, (RGB / 255).astype(np.float32), oiio__ColorSpace="sRGB"),
-        RGB,
-    ),
-    "dpx 10.dpx": (lambda p: write(p, deep(RGB, 16), oiio__BitsPerSample=10), RGB),
-    "dpx 12.dpx": (lambda p: write(p, deep(RGB, 16), oiio__BitsPerSample=12), RGB),
-    "jxl 8.jxl": (lambda p: write(p, RGB, compression="lossless"), RGB),
-    "jxl 16.jxl": (lambda p: write(p, deep(RGB, 16), compression="lossless"), RGB),
-    "jxl alpha.jxl": (
-        lambda p: write(p, CODES, compression="lossless", oiio__UnassociatedAlpha=1),
-        CODES,
-    ),
-    "jxl float.jxl": (
-        lambda p: write(p, light(RGB).astype(np.float32), compression="lossless"),
-        RGB,
-    ),
-    "jxl half.jxl": (
-        lambda p: write(p, light(RGB).astype(np.float16), compression="lossless"),
-        RGB,
-    ),
-    "jxl linear 16.jxl": (
-        lambda p: write(
-            p,
-            np.rint(light(RGB) * 65535).astype(np.uint16),
-            compression="lossless",
-            oiio__ColorSpace="lin_rec709",
-        ),
-        RGB,
-    ),
-    "jpeg 2000.jp2": (pil(RGB), RGB),
-    "jpeg 2000 16.jp2": (pil(deep(GREY, 16)), GREY[..., [0, 0, 0]]),
-    "webp.webp": (pil(RGB, lossless=True), RGB),
-    "webp alpha.webp": (pil(CODES, lossless=True, exact=True), CODES),
-    "psd 8.psd": (lambda p: psd(p, RGB), RGB),
-    "psd 16.psd": (lambda p: psd(p, deep(RGB, 16)), RGB),
-    "bmp.bmp": (pil(RGB), RGB),
-    "tga.tga": (pil(CODES), CODES),
-    "ppm 10.ppm": (lambda p: pnm(p, b"P6", deep(RGB, 10), 1023), RGB),
-    "pgm 16.pgm": (lambda p: pnm(p, b"P5", deep(GREY, 16), 65535), GREY[..., [0, 0, 0]]),
-    "pfm.pfm": (lambda p: write(p, (RGB / 255).astype(np.float32)), RGB),
-    "tga rle.tga": (pil(RGB, compression="tga_rle"), RGB),
-    "sgi.sgi": (pil(RGB), RGB),
-    "sgi 16.sgi": (lambda p: write(p, deep(RGB, 16)), RGB),
-    "dpx 8.dpx": (lambda p: write(p, RGB), RGB),
-    "dpx 16.dpx": (lambda p: write(p, deep(RGB, 16)), RGB),
-    "gif.gif": (
-        lambda p: Image.fromarray(RGB).quantize(16).save(p),
-        np.dstack([PALETTE, np.full_like(GREY, 255)]),
-    ),
-    "avif.avif": (pil(FLAT, quality=100), FLAT),
-    "heic.heic": (heif, FLAT),
+    "jpeg 2000.jp2": row(RGB, pil, RGB),
+    "jpeg 2000 16.jp2": row(GREYS, pil, GREY16),
+    "webp.webp": row(RGB, pil, RGB, lossless=True),
+    "webp alpha.webp": row(CODES, pil, CODES, lossless=True, exact=True),
+    "psd 8.psd": row(RGB, psd, RGB),
+    "psd 16.psd": row(RGB, psd, RGB16),
+    "bmp.bmp": row(RGB, pil, RGB),
+    "tga.tga": row(CODES, pil, CODES),
+    "ppm 10.ppm": row(RGB, pnm, b"P6", deep(RGB, 10), 1023),
+    "pgm 16.pgm": row(GREYS, pnm, b"P5", GREY16, 65535),
+    "pfm.pfm": row(RGB, write, CODED),
+    "tga rle.tga": row(RGB, pil, RGB, compression="tga_rle"),
+    "sgi.sgi": row(RGB, pil, RGB),
+    "sgi 16.sgi": row(RGB, write, RGB16),
+    "dpx 8.dpx": row(RGB, write, RGB),
+    "dpx 16.dpx": row(RGB, write, RGB16),
+    "gif.gif": row(np.dstack([PALETTE, FULL]), palette),
+    "avif.avif": row(FLAT, pil, FLAT, quality=100),
+    "heic.heic": row(FLAT, heif),
 }
 
 
 def write_row(folder: Path, row: str) -> np.ndarray:
     """Write the file; what it shows."""
-    write_it, expected = ROWS[row]
+    expected, write_it = ROWS[row]
     needed = {".jxl": "jpegxl", ".jp2": "jpeg2000", ".gif": "gif"}.get(Path(row).suffix, "png")
     if needed not in FORMATS:
         pytest.skip(f"this OpenImageIO has no {needed}")
@@ -233,13 +214,13 @@ def test_a_photo_comes_in_with_the_colours_that_were_written(tmp_path: Path, row
 
 
 def test_a_palette_of_tiff_is_followed(tmp_path: Path):
-    Image.fromarray(RGB).quantize(16).save(tmp_path / "a.tif")
+    palette(tmp_path / "a.tif")
     # Pillow writes 256 times the codes, where the format has 257 times.
     assert np.abs(read_image(tmp_path / "a.tif").astype(int) - PALETTE).max() <= 1
 
 
 def test_radiance_of_shared_exponents_keeps_eight_bits_of_the_brightest(tmp_path: Path):
-    write(tmp_path / "a.hdr", light(GREY[..., [0, 0, 0]]).astype(np.float32))
+    write(tmp_path / "a.hdr", LINEAR[..., [0, 0, 0]])
     # A grey value loses 2^-8 of itself: 255 * 1.055 / 2.4 * 2^-8 = 0.44 codes, and rounding.
     assert np.abs(read_image(tmp_path / "a.hdr").astype(int) - GREY).max() <= 1
 
@@ -301,8 +282,7 @@ def test_the_lens_is_read_from_every_format_with_exif(tmp_path: Path, ending: st
 
 def test_a_windowed_photo_is_read_where_it_is_shown(tmp_path: Path):
     """Half of the pixels lie left of the display window, whose right is empty: black."""
-    pixels = light(RGB).astype(np.float32)
-    write(tmp_path / "a.exr", pixels, x=-4, y=1, full_x=0, full_y=0, full_width=10, full_height=7)
+    write(tmp_path / "a.exr", LINEAR, x=-4, y=1, full_x=0, full_y=0, full_width=10, full_height=7)
     expected = np.zeros((7, 10, 3), np.uint8)
     expected[1:, :4] = RGB[:, 4:]
     np.testing.assert_array_equal(read_image(tmp_path / "a.exr"), expected)
@@ -311,7 +291,7 @@ def test_a_windowed_photo_is_read_where_it_is_shown(tmp_path: Path):
 
 
 def test_of_several_parts_the_first_with_colours_is_read(tmp_path: Path):
-    parts = [("Z", np.ones((6, 8, 1), np.float32)), ("R G B", light(RGB).astype(np.float32))]
+    parts = [("Z", np.ones((6, 8, 1), np.float32)), ("R G B", LINEAR)]
     specs = []
     for names, pixels in parts:
         specs.append(oiio.ImageSpec(8, 6, pixels.shape[2], "float"))

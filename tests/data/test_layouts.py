@@ -11,6 +11,7 @@ import pytest
 import tyro
 import yaml
 from nerfstudio.configs.method_configs import all_methods
+from nerfstudio.scripts import train
 
 from desplat_ns.core.errors import CaptureError
 from desplat_ns.data.colmap import DeSplatColmapDataParserConfig
@@ -18,6 +19,7 @@ from desplat_ns.data.layouts import DeSplatDataParserConfig
 from desplat_ns.data.on_the_go import OnTheGoDataParserConfig
 from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
 from desplat_ns.training.datamanager import AnyDataParser, DeSplatDataManagerConfig, training_split
+from lab.synthetic import write_scene
 from tests.helpers.registered import EIGHT_VIEWS, registered_desplat, set_up
 
 
@@ -49,8 +51,6 @@ def test_once_settled_the_choice_stays(capture, capsys):
 
 @pytest.mark.slow
 def test_config_yml_names_the_dataparser_that_was_recognised(tmp_path):
-    from lab.synthetic import write_scene
-
     scene = write_scene(EIGHT_VIEWS, tmp_path / "scene")
     assert scene.folder is not None
     config = registered_desplat(scene, tmp_path / "out", max_num_iterations=2)
@@ -69,8 +69,6 @@ def test_config_yml_names_the_dataparser_that_was_recognised(tmp_path):
 def test_a_capture_that_cannot_be_read_leaves_no_folder_behind(
     tmp_path: Path, capture, photo_writer, present: str
 ):
-    from nerfstudio.scripts import train
-
     data = tmp_path / "data"
     if present == "photos":
         photo_writer(data / "a.jpg")

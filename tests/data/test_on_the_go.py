@@ -5,34 +5,22 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from desplat_ns.core.errors import CaptureError
 from desplat_ns.data.on_the_go import OnTheGoDataParserConfig, ordered_names
+from tests.helpers.files import write_transforms
 
 NAMES = ("2clutter_b.png", "1extra_a.png", "2clutter_a.png", "0clean_a.png")
 SPLIT = {"clean": [0], "extra": [1], "clutter": [2, 3]}
 """Positions among the sorted names."""
 
 
-def write_transforms(data: Path) -> Path:
-    """Photo i of `NAMES` stands at x = i; without points."""
-    frames = []
-    for i, name in enumerate(NAMES):
-        pose = np.eye(4)
-        pose[0, 3] = i
-        frames.append({"file_path": f"images/{name}", "transform_matrix": pose.tolist()})
-    meta = {"fl_x": 10, "fl_y": 10, "cx": 4, "cy": 3, "w": 8, "h": 6, "frames": frames}
-    (data / "transforms.json").write_text(json.dumps(meta))
-    return data
-
-
 @pytest.fixture(params=["model", "transforms", "both"])
 def scene(request: pytest.FixtureRequest, capture) -> Path:
     data = capture(NAMES)
     if request.param != "model":
-        write_transforms(data)
+        write_transforms(data, NAMES)
     if request.param == "transforms":
         (data / "sparse").rename(data / "other")
     (data / "split.json").write_text(json.dumps(SPLIT))
@@ -64,7 +52,7 @@ def test_every_photo_keeps_its_own_camera(scene: Path):
 
 def test_a_listed_photo_without_a_pose_is_left_out_and_said(capture, capsys):
     data = capture(NAMES[:3])
-    write_transforms(data)
+    write_transforms(data, NAMES)
     (data / "split.json").write_text(json.dumps({"clutter": [2, 3, 0], "extra": [1]}))
     assert names_of(data, "train") == {"2clutter_a.png", "2clutter_b.png"}
     assert "1 of 3 photos that" in capsys.readouterr().out
@@ -92,7 +80,7 @@ def test_a_wrong_split_file_is_an_error_that_names_it(capture, content: str | No
 
 
 def test_no_photo_with_a_pose_is_an_error(capture):
-    data = write_transforms(capture(["a.png", "b.png"]))
+    data = write_transforms(capture(["a.png", "b.png"]), NAMES)
     (data / "split.json").write_text(json.dumps(SPLIT))
     with pytest.raises(CaptureError, match=r"a\.png, b\.png.*split\.json"):
         outputs_of(data, "train")
@@ -101,7 +89,7 @@ def test_no_photo_with_a_pose_is_an_error(capture):
 def test_positions_count_the_photos_of_transforms_json_before_those_of_the_folder(capture):
     data = capture(["z.png", "a.png"])
     assert ordered_names(data, Path("images")) == ["a.png", "z.png"]
-    write_transforms(data)
+    write_transforms(data, NAMES)
     assert ordered_names(data, Path("images")) == sorted(NAMES)
     (data / "transforms.json").write_text('{"frames": [3]}')
     with pytest.raises(CaptureError, match=r"transforms\.json"):

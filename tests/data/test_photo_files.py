@@ -11,13 +11,7 @@ from desplat_ns.data.photo_files import (
     photo_names,
     photos_near,
 )
-
-
-def touch(folder: Path, *names: str) -> Path:
-    for name in names:
-        (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        (folder / name).write_bytes(b"")
-    return folder
+from tests.helpers.files import touch
 
 
 def test_photos_are_listed_below_their_folder(tmp_path: Path):

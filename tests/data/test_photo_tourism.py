@@ -10,6 +10,7 @@ import torch
 from desplat_ns.core.errors import CaptureError, ConfigError
 from desplat_ns.data.dataset import CaptureDataset
 from desplat_ns.data.photo_tourism import PhotoTourismDataParser, PhotoTourismDataParserConfig
+from tests.helpers.files import write_split
 
 
 def parser_of(data: Path, **options) -> PhotoTourismDataParser:
@@ -18,14 +19,6 @@ def parser_of(data: Path, **options) -> PhotoTourismDataParser:
 
 def names(parser: PhotoTourismDataParser, split: str) -> list[str]:
     return [path.name for path in parser.get_dataparser_outputs(split).image_filenames]
-
-
-def resize_camera(data: Path, camera_id: int, width: int, height: int) -> None:
-    """Another size for one camera of the reconstruction."""
-    file = data / "dense" / "sparse" / "cameras.txt"
-    lines = file.read_text().splitlines()
-    lines[camera_id - 1] = f"{camera_id} PINHOLE {width} {height} 10 11 {width / 2} {height / 2}"
-    file.write_text("\n".join(lines) + "\n")
 
 
 # --- layouts ------------------------------------------------------------------------------------
@@ -75,9 +68,9 @@ def test_the_split_file_is_found_in_dense_and_above_it(scene, folder: str):
     assert names(parser_of(data / "dense"), "train") == ["a.jpg", "b.jpg"]
 
 
-def test_of_several_split_files_one_can_be_named(scene, split_writer):
+def test_of_several_split_files_one_can_be_named(scene):
     data = scene()
-    split_writer(data / "mine.txt", {"a.jpg": "test", "b.jpg": "train", "d.jpg": "train"})
+    write_split(data / "mine.txt", {"a.jpg": "test", "b.jpg": "train", "d.jpg": "train"})
     assert names(parser_of(data, split_file=Path("mine.txt")), "test") == ["a.jpg"]
 
 
@@ -111,7 +104,10 @@ def test_a_fraction_that_is_asked_for_comes_before_any_split_file(scene):
 
 def test_by_default_each_photo_is_halved_until_it_is_small_enough(scene, photo_writer, capsys):
     data = scene()
-    resize_camera(data, 1, 3300, 3)
+    file = data / "dense" / "sparse" / "cameras.txt"
+    file.write_text(
+        file.read_text().replace("1 PINHOLE 8 6 10 11 4 3", "1 PINHOLE 3300 3 10 11 1650 1.5")
+    )
     photo_writer(data / "dense" / "images" / "a.jpg", 3300, 3)
     outputs = parser_of(data).get_dataparser_outputs("train")
     sizes = torch.cat([outputs.cameras.width, outputs.cameras.height], dim=1)

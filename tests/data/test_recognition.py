@@ -19,15 +19,11 @@ from desplat_ns.data.on_the_go import OnTheGoDataParserConfig
 from desplat_ns.data.photo_tourism import PhotoTourismDataParserConfig
 from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
 from desplat_ns.data.transforms_json import TransformsDataParser
+from desplat_ns.tools.studies.methods import parse
+from tests.helpers.files import write_transforms
 
 MODELS = ("sparse", "sparse/0", "colmap/sparse/0")
 TWINS = ("clean_1.png", "clutter_1.png", "extra_1.png")
-
-
-def write_transforms(data: Path) -> Path:
-    data.mkdir(exist_ok=True)
-    (data / "transforms.json").write_text(json.dumps({"frames": []}))
-    return data
 
 
 def parser_of(data: Path) -> type[DataParserConfig]:
@@ -68,7 +64,7 @@ def test_a_colmap_model_is_found_in_every_usual_place(tmp_path, model_writer, pl
 
 
 def test_transforms_json_is_read_with_points_and_without_questions(tmp_path: Path):
-    for data in (write_transforms(tmp_path), tmp_path / "transforms.json"):
+    for data in (write_transforms(tmp_path, []), tmp_path / "transforms.json"):
         config = recognise(data).config({})
         assert isinstance(config, NerfstudioDataParserConfig)
         assert (config._target, config.load_3D_points) == (TransformsDataParser, True)
@@ -118,7 +114,7 @@ def test_a_split_file_makes_photo_tourism_of_a_colmap_capture(capture: Callable[
 
 @pytest.mark.parametrize("poses", ["colmap", "transforms"])
 def test_on_the_go_is_its_split_file_over_poses(capture, tmp_path, poses: str):
-    data = capture(TWINS) if poses == "colmap" else write_transforms(tmp_path / "scene")
+    data = capture(TWINS) if poses == "colmap" else write_transforms(tmp_path, [])
     write_split(data, clutter=[0, 1], extra=[2])
     chosen = recognise(data)
     assert type(chosen.config({})) is OnTheGoDataParserConfig
@@ -129,7 +125,7 @@ def test_on_the_go_is_its_split_file_over_poses(capture, tmp_path, poses: str):
 
 
 def test_of_two_layouts_it_says_which_was_taken_and_what_to_type_for_the_other(capture):
-    chosen = recognise(write_transforms(capture()))
+    chosen = recognise(write_transforms(capture(), []))
     assert chosen.parser == "nerfstudio-data"
     assert parsers_beside(chosen) == ["colmap"] and "`colmap`" in chosen.line()
     (chosen.data / "images").joinpath("extra_1.png").write_bytes(b"")
@@ -148,12 +144,10 @@ def test_photos_before_and_after_undistortion_are_two_captures(capture, tmp_path
 
 @pytest.mark.usefixtures("tyro_may_build")
 def test_the_words_that_are_given_are_understood(capture: Callable[..., Path]):
-    from desplat_ns.tools.studies.methods import parse
-
     (capture() / "images_2").mkdir()
     data = capture()
     shutil.rmtree(data / "images")
-    for chosen in (recognise(data), recognise(write_transforms(data))):
+    for chosen in (recognise(data), recognise(write_transforms(data, []))):
         parsed = parse("desplat", list(chosen.words)).pipeline.datamanager.dataparser
         assert parsed.downscale_factor == chosen.config({}).downscale_factor  # pyright: ignore
         assert parsed.load_3D_points
@@ -218,7 +212,7 @@ def test_nerf_synthetic_scenes_are_read_by_blender_data(tmp_path: Path, photo_wr
     for option, name in (("eval_mode", "--eval-mode"), ("downscale_factor", "--downscale-factor")):
         with pytest.raises(ConfigError, match=name):
             chosen.config({option: 2})
-    beside = recognise(write_transforms(tmp_path))
+    beside = recognise(write_transforms(tmp_path, []))
     assert beside.parser == "nerfstudio-data"
     assert parsers_beside(beside) == ["blender-data"]
 

@@ -15,20 +15,15 @@ from nerfstudio.data.dataparsers.nerfstudio_dataparser import NerfstudioDataPars
 from desplat_ns.core.errors import CaptureError
 from desplat_ns.data.dataset import CaptureDataset, PhotoReader
 from desplat_ns.data.transforms_json import TransformsDataParser
+from tests.helpers.files import write_transforms
 
 
 @pytest.fixture
 def processed(tmp_path: Path, photo_writer) -> Path:
     """A capture as an old ns-process-data left it: transforms.json without a point cloud."""
-    frames = []
     for i in range(4):
-        pose = np.eye(4)
-        pose[0, 3] = i
         photo_writer(tmp_path / "images" / f"{i}.png", seed=i)
-        frames.append({"file_path": f"images/{i}.png", "transform_matrix": pose.tolist()})
-    meta = {"fl_x": 10, "fl_y": 10, "cx": 4, "cy": 3, "w": 8, "h": 6, "frames": frames}
-    (tmp_path / "transforms.json").write_text(json.dumps(meta))
-    return tmp_path
+    return write_transforms(tmp_path, [f"{i}.png" for i in range(4)])
 
 
 AS_GIVEN = {"orientation_method": "none", "center_method": "none", "auto_scale_poses": False}

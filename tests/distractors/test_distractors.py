@@ -18,18 +18,12 @@ from desplat_ns.core.schedule import NominalStep, RunStep, Schedule
 from desplat_ns.distractors import distractors as module
 from desplat_ns.distractors.config import DistractorConfig
 from desplat_ns.distractors.distractors import Distractors, apply_mask
-from desplat_ns.model import DeSplatModel
 from desplat_ns.model_config import DeSplatModelConfig
 from desplat_ns.separation import decide
 from desplat_ns.separation.decide import StaticView
 from desplat_ns.step import Step
 from tests.helpers.small_model import make_model
 from tests.helpers.well_known_scene import WellKnownScene, cameras, nothing_drawn, the_view
-
-
-def a_model(**changes: Any) -> DeSplatModel:
-    values: dict[str, Any] = {"start": "residual", "static_warmup": 2}
-    return make_model(distractors=DistractorConfig(per_view=20, **values | changes))
 
 
 @pytest.mark.usefixtures("unchecked_types")
@@ -65,8 +59,8 @@ def test_after_the_warm_up_a_photo_is_looked_at_at_once_and_then_in_every_third_
 
 def test_what_the_sweep_keeps_does_not_depend_on_the_static_scene():
     """Not in masked pixels either, and of the first visit alone."""
-    model = a_model()
-    assert model.distractors is not None
+    config = DistractorConfig(per_view=20, start="residual", static_warmup=2)
+    model = make_model(distractors=config)
     view = View(torch.eye(4), torch.eye(3), 24, 20)
     photo, mask = torch.rand(20, 24, 3), torch.ones(20, 24, 1, dtype=torch.bool)
     mask[5:9] = False

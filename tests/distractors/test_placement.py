@@ -90,16 +90,12 @@ def test_those_in_the_region_stay():
     assert 30 < keep.sum() < 70
 
 
-def a_layer(config: DistractorConfig = WARMED_UP, num_views: int = 40) -> Distractors:
-    cams = cameras()[torch.zeros(num_views, dtype=torch.long)]
-    return Distractors(config, SplatfactoModelConfig(), cams)
-
-
 class Trained:
     """The layer in front of a scene that is known well, step by step."""
 
     def __init__(self, config: DistractorConfig = WARMED_UP, num_views: int = 40) -> None:
-        self.scene, self.layer = WellKnownScene(), a_layer(config, num_views)
+        self.scene, cams = WellKnownScene(), cameras()[torch.zeros(num_views, dtype=torch.long)]
+        self.layer = Distractors(config, SplatfactoModelConfig(), cams)
 
     def step(self, number: int, photo: torch.Tensor) -> Step:
         scene, step = self.scene, self.scene.train_step(number, photo)

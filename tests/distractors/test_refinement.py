@@ -159,16 +159,13 @@ def test_refinement_keeps_to_its_time(warmup, step, refined):
     assert (scene.distractors.counts()[0] > 4) == refined
 
 
-def new_rows(count: int, scene: Scene) -> dict[str, torch.Tensor]:
-    return {name: torch.full((count, *p.shape[1:]), 7.0) for name, p in scene.params().items()}
-
-
 def test_exchanged_distractors_start_without_moments_and_the_others_keep_theirs():
     scene = Scene()
     scene.visit(11, grad=[0.2, 0.4, 0.6, 0.8])
     means, moments = scene.params()["means"].detach().clone(), scene.moment("means").clone()
     keep = torch.tensor([0, 2, 3])
-    scene.distractors.views[0].exchange(keep, new_rows(2, scene))
+    new = {name: torch.full((2, *p.shape[1:]), 7.0) for name, p in scene.params().items()}
+    scene.distractors.views[0].exchange(keep, new)
     assert scene.distractors.counts() == [5, 4]
     assert torch.equal(scene.params()["means"][:3], means[keep])
     assert (scene.params()["means"][3:] == 7).all()

@@ -1,4 +1,4 @@
-"""Short runs of `desplat` on a generated scene, with every setting as registered."""
+"""Short runs of methods, with every setting as registered."""
 
 from __future__ import annotations
 
@@ -24,7 +24,13 @@ EIGHT_VIEWS = SceneSpec(num_views=8, num_extras=2, width=72, height=48, num_poin
 
 
 def registered_desplat(scene: Scene, output: Path, **changes: Any) -> Any:
-    """The configuration of `ns-train desplat --max-num-iterations 120` on a generated scene.
+    """As `registered`: of `ns-train desplat` on a generated scene."""
+    assert scene.folder is not None
+    return registered("desplat", RobustNerfDataParserConfig(data=scene.folder), output, **changes)
+
+
+def registered(method: str, dataparser: Any, output: Path, **changes: Any) -> Any:
+    """The configuration of `ns-train METHOD --max-num-iterations 120`.
 
     Nothing of the method is set but the length: data, folders, no viewer, no evaluation on the way;
     on the CPU.
@@ -32,9 +38,8 @@ def registered_desplat(scene: Scene, output: Path, **changes: Any) -> Any:
     Args:
         changes: other fields of the trainer's configuration.
     """
-    assert scene.folder is not None
-    config: Any = copy.deepcopy(all_methods["desplat"])
-    config.pipeline.datamanager.dataparser = RobustNerfDataParserConfig(data=scene.folder)
+    config: Any = copy.deepcopy(all_methods[method])
+    config.pipeline.datamanager.dataparser = dataparser
     config.max_num_iterations, config.vis = STEPS, "tensorboard"
     config.steps_per_eval_image = config.steps_per_eval_all_images = STEPS + 1
     config.output_dir, config.experiment_name, config.timestamp = output, "eight", "run"

@@ -56,6 +56,12 @@ class Yard:
             write_image(folder / f"{number:02d}.png", picture)
         return folder
 
+    def features(self, folder: Path, order: Sequence[int], is_marked: bool = False) -> Features:
+        """Some views as photos, copied, with plain features in a database; all of it in a folder,
+        where a second call goes on."""
+        photos = copied(self.write(folder / "photos", order, is_marked), folder / "copies")
+        return features_of(photos, folder / "copies", folder / "database.db")
+
     def film(self, path: Path, options: Sequence[str] = ()) -> Path:
         """A video that rests at each view, which is blurred, then sharp, then blurred again.
 

@@ -20,18 +20,13 @@ VIEW = View(torch.eye(4), torch.tensor([[30.0, 0, 16], [0, 30, 12], [0, 0, 1]]),
 CONFIG = AppearanceConfig()
 
 
-def effects_of(appearance: Any) -> ImageEffects:
+def effects_of(appearance: Any) -> Any:
     torch.manual_seed(0)
     effects = Effects(appearance=appearance)
     built = ImageEffects(effects, CONFIG, 3, 3)
     for parameter in built.parameters():
         parameter.data += 0.2 * torch.randn(parameter.shape)
     return built
-
-
-def weights_of(effects: ImageEffects) -> list[torch.Tensor]:
-    assert effects.appearance is not None
-    return list(effects.appearance.parameters())
 
 
 def scene(has_harmonics: bool = True, dtype: torch.dtype = torch.float64) -> tuple[Splats, View]:
@@ -56,9 +51,8 @@ def test_pictures_and_gradients_are_those_of_all_toned(appearance, has_harmonics
     (splats, view), features = scene(has_harmonics), torch.randn(NUM, FEATURES).double()
     features.requires_grad_()
     embedding = effects.of(1)
-    assert effects.embeddings is not None and effects.appearance is not None
     leaves = [*(getattr(splats, n) for n in ("means", "scales", "opacities", "colors")), features]
-    leaves += [effects.embeddings, *weights_of(effects)]
+    leaves += [effects.embeddings, *effects.appearance.parameters()]
     results = []
     for lit in (
         effects.apply_appearance(splats, features, embedding),
@@ -76,7 +70,6 @@ def test_a_gaussian_of_broken_coefficients_is_culled_and_breaks_nothing():
     effects, (splats, view) = effects_of("affine"), scene(dtype=torch.float32)
     features = torch.randn(NUM, FEATURES, requires_grad=True)
     numba = resolve("numba", "cpu")
-    assert effects.appearance is not None
     lit = effects.appearance.in_view(splats, features, view)(effects.of(0))
     broken = int(numba(lit, view, SETTINGS).visible.nonzero()[0])
     with torch.no_grad():
@@ -84,6 +77,6 @@ def test_a_gaussian_of_broken_coefficients_is_culled_and_breaks_nothing():
     lit = effects.appearance.in_view(splats, features, view)(effects.of(0))
     drawn = numba(lit, view, SETTINGS)
     assert drawn.rgb.isfinite().all() and not drawn.visible[broken]
-    leaves = [*weights_of(effects), splats.means, splats.colors]
+    leaves = [*effects.appearance.parameters(), splats.means, splats.colors]
     gradients = torch.autograd.grad(drawn.rgb.square().sum(), leaves)
     assert all(gradient.isfinite().all() for gradient in gradients)

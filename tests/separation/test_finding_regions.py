@@ -9,7 +9,6 @@ from desplat_ns.separation.residuals import RESIDUAL_MEDIANS
 from tests.helpers.well_known_scene import HEIGHT, WIDTH, WellKnownScene
 
 BY = Thresholds()
-CPU = torch.device("cpu")
 
 
 def seen_often(by: Thresholds = BY) -> WellKnownScene:

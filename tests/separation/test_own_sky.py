@@ -25,13 +25,6 @@ def smooth(blue: float) -> torch.Tensor:
     return sky + torch.linspace(0, 0.2, HEIGHT)[:, None, None]
 
 
-def with_branches(photo: torch.Tensor) -> torch.Tensor:
-    """Dark stripes, four pixels wide, before the sky on the right."""
-    photo = photo.clone()
-    photo[: HEIGHT // 2, 40:].view(HEIGHT // 2, -1, 2, 5, 3)[:, :, 0] = 0.05
-    return photo
-
-
 class SceneBelowASky(WellKnownScene):
     """Blocks in the lower half; the other photos' sky above them is blue."""
 
@@ -71,7 +64,9 @@ def test_another_sky_is_in_the_way_only_where_photos_share_theirs(grey_sky):
 
 
 def test_what_stands_before_the_sky_is_found(grey_sky):
-    regions = SceneBelowASky().regions(with_branches(grey_sky), background="image")
+    """Dark stripes, four pixels wide, on the right."""
+    grey_sky[: HEIGHT // 2, 40:].view(HEIGHT // 2, -1, 2, 5, 3)[:, :, 0] = 0.05
+    regions = SceneBelowASky().regions(grey_sky, background="image")
     assert regions[4 : HEIGHT // 2 - 4, 44 : WIDTH - 4].all()
     assert not regions[:, :30].any()
 

@@ -16,16 +16,12 @@ from desplat_ns.separation.residuals import (
 ROWS, COLUMNS = 20, 30
 
 
-def one_gaussian_per_cell() -> torch.Tensor:
-    y, x = torch.meshgrid(torch.arange(ROWS), torch.arange(COLUMNS), indexing="ij")
-    return torch.stack([x, y], dim=-1).reshape(-1, 2) + 0.5
-
-
 class Memory:
     """Static Gaussians, one in each cell, and the views they have seen."""
 
     def __init__(self) -> None:
-        self.means2d = one_gaussian_per_cell()
+        y, x = torch.meshgrid(torch.arange(ROWS), torch.arange(COLUMNS), indexing="ij")
+        self.means2d = torch.stack([x, y], dim=-1).reshape(-1, 2) + 0.5
         self.residual_medians = torch.zeros(len(self.means2d))
         self.visible = torch.ones(len(self.means2d), dtype=torch.bool)
         self.opacities = torch.full((len(self.means2d),), 0.8)
@@ -102,15 +98,9 @@ def test_where_no_gaussian_is_the_level_of_the_view_is_expected():
     assert excess[:, :12].abs().max() == pytest.approx(0.02, abs=1e-3)  # 0.02 - 2 * 0.02
 
 
-def left_half() -> torch.Tensor:
-    """Cells that count."""
-    counted = torch.zeros(ROWS, COLUMNS, dtype=torch.bool)
-    counted[:, : COLUMNS // 2] = True
-    return counted
-
-
 def test_what_is_masked_not_seen_or_beyond_the_image_learns_nothing_of_the_visit():
-    memory, counted = Memory(), left_half()
+    memory, counted = Memory(), torch.zeros(ROWS, COLUMNS, dtype=torch.bool)
+    counted[:, : COLUMNS // 2] = True
     memory.see(torch.rand(ROWS, COLUMNS) + 0.1)
     assert memory.residual_medians.abs().max() == pytest.approx(MEDIAN_STEP)
     before, kept = memory.residual_medians, ~counted.flatten()

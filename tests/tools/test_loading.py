@@ -13,6 +13,7 @@ import pytest
 import yaml
 from nerfstudio.configs.dataparser_configs import all_dataparsers
 from nerfstudio.configs.method_configs import all_methods
+from nerfstudio.scripts import train
 from nerfstudio.utils import eval_utils
 
 from desplat_ns.core.errors import ConfigError
@@ -88,8 +89,6 @@ def test_what_no_run_needs_is_refused_with_its_line_and_nothing_runs(tmp_path: P
 
 @pytest.mark.parametrize("command", ["eval_setup", "ns-train --load-config"])
 def test_nerfstudios_commands_refuse_it_in_runs_of_ours(tmp_path: Path, command: str):
-    from nerfstudio.scripts import train
-
     path = tmp_path / "config.yml"
     path.write_text(RUN.format(f"!!python/object/apply:os.system ['touch {tmp_path / 'run'}']"))
     with pytest.raises(ConfigError, match=r"os\.system.*line 4"):

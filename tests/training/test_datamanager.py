@@ -29,6 +29,7 @@ from desplat_ns.data.photo_tourism import PhotoTourismDataParserConfig
 from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
 from desplat_ns.data.transforms_json import TransformsDataParser
 from desplat_ns.training.datamanager import DeSplatDataManager, DeSplatDataManagerConfig
+from tests.helpers.files import posed, write_transforms
 from tests.helpers.lenses import distort
 
 
@@ -41,12 +42,6 @@ def manager(dataparser, test_mode: str = "val", **options) -> DeSplatDataManager
 def copy(tiny_scene, tmp_path: Path) -> Path:
     """The tiny scene (6 clean, 6 clutter, 2 extra) in a folder that may be changed."""
     return Path(shutil.copytree(tiny_scene.folder, tmp_path / "scene"))
-
-
-def shifted(x: float) -> np.ndarray:
-    pose = np.eye(4)
-    pose[0, 3] = x
-    return pose
 
 
 def test_training_cameras_say_which_view_they_are(tiny_scene):
@@ -127,18 +122,13 @@ def test_one_training_photo_is_an_error(copy: Path):
 
 
 def test_no_evaluation_photo_is_an_error(copy: Path):
-    write_transforms(copy, sorted(path.name for path in (copy / "images").iterdir()))
+    write_transforms(copy, sorted(path.name for path in (copy / "images").iterdir()), **LENS)
     with pytest.raises(CaptureError, match="--eval-mode"):
         manager(NerfstudioDataParserConfig(data=copy, train_split_fraction=1.0))
 
 
-def write_transforms(folder: Path, names: list[str], **head) -> None:
-    frames = [
-        {"file_path": f"images/{name}", "transform_matrix": shifted(float(i)).tolist()}
-        for i, name in enumerate(names)
-    ]
-    meta = {"fl_x": 50, "fl_y": 50, "cx": 24, "cy": 16, "w": 48, "h": 32, "frames": frames}
-    (folder / "transforms.json").write_text(json.dumps(meta | head))
+LENS = {"fl_x": 50, "fl_y": 50, "cx": 24, "cy": 16, "w": 48, "h": 32}
+"""Of the tiny scene, as transforms.json has it."""
 
 
 def held_out_and_trained(copy: Path, kind: str) -> Any:
@@ -156,22 +146,19 @@ def held_out_and_trained(copy: Path, kind: str) -> Any:
         (shutil.copy if kind == "copy" else os.symlink)(copy / "images" / names[0], extra)
         return RobustNerfDataParserConfig(data=copy)
     if kind == "split.json":
-        write_transforms(copy, names)
+        write_transforms(copy, names, **LENS)
         (copy / "split.json").write_text('{"clutter": [0, 1, 2, 3], "extra": [0]}')
         return OnTheGoDataParserConfig(data=copy, colmap_path=Path("none"))
     if kind == "transforms lists":
         lists = {"train_filenames": names, "test_filenames": [names[0]]}
         lists = {key: [f"./images/{name}" for name in value] for key, value in lists.items()}
-        write_transforms(copy, names, **lists, val_filenames=[f"images/{names[0]}"])
+        write_transforms(copy, names, **LENS, **lists, val_filenames=[f"images/{names[0]}"])
         return NerfstudioDataParserConfig(data=copy)
     if kind == "frame twice":
-        write_transforms(copy, [*names, names[0]])
+        write_transforms(copy, [*names, names[0]], **LENS)
         return NerfstudioDataParserConfig(data=copy, eval_mode="interval", eval_interval=7)
     for split, listed in (("train", names), ("val", [extra.name]), ("test", names[:1])):
-        frames = [
-            {"file_path": f"images/{name[:-4]}", "transform_matrix": shifted(i).tolist()}
-            for i, name in enumerate(listed)
-        ]
+        frames = [posed(f"images/{name[:-4]}", i) for i, name in enumerate(listed)]
         meta = json.dumps({"camera_angle_x": 0.9, "frames": frames})
         (copy / f"transforms_{split}.json").write_text(meta)
     return BlenderDataParserConfig(data=copy)

@@ -104,7 +104,7 @@ def test_ns_evals_json_holds_every_figure_and_no_nan():
     numbers = 20 * (3 + 3 + 4 + 1 + 3)
     assert results["distractor_memory_mb"] == pytest.approx(3 * numbers * 4e-6)
     assert 0 < results["seconds_per_image_render"] < results["seconds_per_image_with_metrics"]
-    assert "lpips" not in results
+    assert not {"lpips", "mask_iou"} & results.keys()
     alone = known_pipeline(KnownManager(num_eval=1)).get_average_eval_image_metrics(get_std=True)
     assert "psnr_std" not in alone
     assert [image["name"] for image in results["images"]] == ["extra_0.png", "extra_1.png"]
@@ -149,18 +149,33 @@ def _mask(path: Path, columns: int) -> Path:
     return path
 
 
-def test_masks_are_scored_by_ns_eval_and_only_by_it(tmp_path: Path):
-    """Distractors cover 12 of 24 columns; masks cover 18, 6 and none of them."""
-    masks = [_mask(tmp_path / f"{columns}.png", columns) for columns in (18, 6, 0)]
+def half_covered(masks: list[Path]) -> Any:
+    """A pipeline whose distractors cover 12 of 24 columns of each training view."""
     pipeline, alpha = known_pipeline(KnownManager(masks=masks)), torch.zeros(HEIGHT, WIDTH, 1)
     alpha[:, :12] = 0.75
     render(pipeline, alpha_distractor=alpha, distractor_mask=alpha > 0.5)
+    return pipeline
+
+
+def test_masks_are_scored_by_ns_eval_and_only_by_it(tmp_path: Path):
+    """Masks cover 18, 6 and none of the columns."""
+    pipeline = half_covered([_mask(tmp_path / f"{columns}.png", columns) for columns in (18, 6, 0)])
     results = pipeline.get_average_eval_image_metrics(get_std=True)
     assert results["num_masks"] == 3
     assert results["mask_iou"] == pytest.approx((12 / 18 + 6 / 12 + 0) / 3)
     outside = (0.0 + 0.75 * 6 / 18 + 0.75 * 12 / 24) / 3
     assert results["alpha_outside_masks"] == pytest.approx(outside)
     assert "mask_iou" not in pipeline.get_average_eval_image_metrics()
+
+
+def test_a_mask_over_everything_has_nothing_outside_and_bent_photos_have_no_scores(tmp_path: Path):
+    pipeline = half_covered([_mask(tmp_path / "all.png", WIDTH)])
+    results = pipeline.get_average_eval_image_metrics(get_std=True)
+    assert results["mask_iou"] == pytest.approx(0.5) and "alpha_outside_masks" not in results
+    ((camera, path),) = pipeline.datamanager.gt_masks()
+    camera.distortion_params = torch.full((1, 6), 0.1)
+    pipeline.datamanager.gt_masks = lambda: [(camera, path)]
+    assert "mask_iou" not in pipeline.get_average_eval_image_metrics(get_std=True)
 
 
 def test_without_distractors_masks_are_not_scored(tmp_path: Path):

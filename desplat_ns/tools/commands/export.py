@@ -52,7 +52,7 @@ class Splats(OfScene):
 
         from desplat_ns.tools.export.export import export_splats  # seconds
 
-        export_splats(files, self.output, self.frame, self.crop, self.light)
+        export_splats(files, self)
 
 
 @dataclass(kw_only=True)
@@ -113,8 +113,7 @@ class Page(OfScene):
 
         from desplat_ns.tools.scene.page import write_scene  # seconds
 
-        photos = self.training_photos, self.held_out_photos
-        write_scene(files, self.output, *photos, self.megabytes, self.crop, self.light)
+        write_scene(files, self)
 
 
 Command = (

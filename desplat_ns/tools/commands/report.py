@@ -40,7 +40,7 @@ class Report(OfRun):
 
         from desplat_ns.tools.report.page import write_report  # seconds: not before the checks
 
-        write_report(files, output, self.training_photos, self.held_out_photos, self.scene)
+        write_report(files, output, self)
 
 
 main = partial(run, Report, description=__doc__)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import nullcontext
-from pathlib import Path
 from typing import Any
 
 import cv2
@@ -22,9 +21,9 @@ from desplat_ns.core.whole import plain_errors, whole_folder, write_whole
 from desplat_ns.data.images import read_mask, resize_mask
 from desplat_ns.model import DeSplatModel
 from desplat_ns.photo_tourism.shown_light import mixed_light
-from desplat_ns.tools.commands.export import Masks
+from desplat_ns.tools.commands.export import Masks, Splats
 from desplat_ns.tools.export.allowed_views import allowed_views, seen_by_any
-from desplat_ns.tools.export.formats import UPRIGHT, FrameName, format_of
+from desplat_ns.tools.export.formats import UPRIGHT, format_of
 from desplat_ns.tools.export.gltf import glb_bytes
 from desplat_ns.tools.export.masks import (
     dilated,
@@ -52,19 +51,17 @@ MOST_CROP_VIEWS, SIDE, COVERED = 100, 64, 0.5
 and the opacity from which a pixel shows something at a depth."""
 
 
-def export_splats(
-    files: RunFiles, output: Path, frame: FrameName, crop: float | None, light: str | None
-) -> None:
-    """Write the static Gaussians of a run; say how many, how large, and what was left out. Takes
-    what `desplat-export splats` takes. Raises as `load_run`, `static_cloud`."""
-    ending = format_of(output)
+def export_splats(files: RunFiles, asked: Splats) -> None:
+    """Write the static Gaussians of a run; say how many, how large, and what was left out. Raises
+    as `load_run`, `static_cloud`."""
+    output, ending = asked.output, format_of(asked.output)
     pipeline = load_run(files, needs_photos=False).pipeline
-    cloud, _ = static_cloud(pipeline, crop, light)
+    cloud, _ = static_cloud(pipeline, asked.crop, asked.light)
     known = pipeline.datamanager.remembered()
     transform, scale = known["transform"].numpy(), float(known["scale"])
-    to_file = similarity_to(frame, transform, scale, UPRIGHT[ending])
+    to_file = similarity_to(asked.frame, transform, scale, UPRIGHT[ending])
     cloud, told = moved(cloud, to_file), list[str]()
-    if frame == "capture":
+    if asked.frame == "capture":
         cloud = near_zero(cloud)
     if ending == ".spz":
         near, left_out = placed(cloud)

@@ -16,6 +16,7 @@ from desplat_ns.core.run_files import SURVEY, RunFiles
 from desplat_ns.core.whole import plain_errors, write_whole
 from desplat_ns.evaluation.config import in_words
 from desplat_ns.evaluation.evaluate import gaussian_counts
+from desplat_ns.tools.commands.report import Report
 from desplat_ns.tools.loading import LoadedRun, even_subset, load_run
 from desplat_ns.tools.pages import fitted_into, template
 from desplat_ns.tools.report.pictures import ERROR_TOP, held_out_photos, marked, training_photos
@@ -37,17 +38,14 @@ MUCH = 0.5
 """Share of a photo. Medians over the views need places to be free in most of them."""
 
 
-def write_report(
-    files: RunFiles, output: Path, most_training: int, most_held_out: int, with_scene: bool
-) -> dict[str, Any]:
-    """Write the page of a run, and say where; arguments as of the command. Returns what it shows
-    (`shown_of`). Raises DeSplatError."""
-    run, scene = load_run(files), ""
-    shown = shown_of(run, most_training, most_held_out)
-    if with_scene:
+def write_report(files: RunFiles, output: Path, asked: Report) -> dict[str, Any]:
+    """Write the page of a run, and say where. Returns what it shows (`shown_of`). Raises
+    DeSplatError."""
+    most, run, scene = (asked.training_photos, asked.held_out_photos), load_run(files), ""
+    shown = shown_of(run, *most)
+    if asked.scene:
         try:
-            shown_scene = scene_of(run, most_training, most_held_out)
-            scene, left_out = scene_html(shown_scene, SCENE_BYTES)
+            scene, left_out = scene_html(scene_of(run, *most), SCENE_BYTES)
         except (CaptureError, ConfigError) as error:
             left_out = [f"left out. {error}"]
         for line in left_out:

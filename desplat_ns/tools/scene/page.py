@@ -17,6 +17,7 @@ from desplat_ns.core.console import announce
 from desplat_ns.core.errors import ConfigError
 from desplat_ns.core.run_files import RunFiles
 from desplat_ns.core.whole import plain_errors, write_whole
+from desplat_ns.tools.commands.export import Page
 from desplat_ns.tools.export.splat_cloud import SplatCloud, moved, turned_harmonics
 from desplat_ns.tools.export.spz import color_bytes, placed, spz_bytes
 from desplat_ns.tools.loading import load_run
@@ -40,22 +41,15 @@ MARGIN = 0.97
 """Of the bytes that are there: a reduced file's Gaussians take a little more each."""
 
 
-def write_scene(
-    files: RunFiles,
-    output: Path,
-    most_training: int,
-    most_held_out: int,
-    megabytes: float,
-    crop: float | None,
-    light: str | None,
-) -> None:
-    """Write the page of a run's scene, by what `desplat-export page` takes; say what it lacks."""
-    contents = scene_of(load_run(files), most_training, most_held_out, crop, light)
-    text, left_out = scene_html(contents, int(megabytes * 1e6))
+def write_scene(files: RunFiles, asked: Page) -> None:
+    """Write the page of a run's scene; say what it lacks. Raises as `scene_of`, `scene_html`."""
+    photos = asked.training_photos, asked.held_out_photos
+    contents = scene_of(load_run(files), *photos, asked.crop, asked.light)
+    text, left_out = scene_html(contents, int(asked.megabytes * 1e6))
     content = text.encode()
-    with plain_errors(output):
-        write_whole(output, content)
-    announce(f"Saved {output}: a page with the scene in it, {len(content) / 1e6:.1f} MB.")
+    with plain_errors(asked.output):
+        write_whole(asked.output, content)
+    announce(f"Saved {asked.output}: a page with the scene in it, {len(content) / 1e6:.1f} MB.")
     for line in left_out:
         announce(line, warning=True)
 

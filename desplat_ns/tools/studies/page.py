@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import io
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import cycle
 from pathlib import Path
 from statistics import fmean, median
 from typing import Any
 
+import matplotlib
 import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
 from scipy.stats import ttest_1samp
 
 from desplat_ns.core.whole import plain_errors, write_whole
-from desplat_ns.tools.pages import chart, inline_svg, plain_logarithmic, svg_of, template
+from desplat_ns.tools.pages import template
 from desplat_ns.tools.studies.records import Key, Record, conditions_of
 from desplat_ns.tools.studies.runs import Run
 from desplat_ns.tools.studies.tradeoff import BASE, SEEDS, Study, compared
@@ -32,6 +37,9 @@ COLUMNS = {
 }
 """Scores in the table: their names there, and how they are written."""
 MARKERS = "osD^vPXhd"
+STYLE: dict[Any, Any] = {"svg.fonttype": "none", "svg.hashsalt": "training"}
+STYLE |= {"font.size": 10, "font.family": "sans-serif"}
+"""Of the chart."""
 Scores = Mapping[int, Mapping[str, Any]]
 """By seed."""
 Point = tuple[str, int]
@@ -117,14 +125,26 @@ def spread(values: Sequence[float | int], form: str) -> str:
 
 
 def drawn(points: Mapping[Point, Scores]) -> str:
-    """PSNR over the training time, a mark for each training, as SVG for the page."""
-    with chart("training", (6.6, 4.4)) as axes:
+    """PSNR over the training time, a mark for each training, as SVG for HTML: without prologue,
+    metadata, name spaces and a size of its own."""
+    with matplotlib.rc_context(STYLE):
+        figure = Figure(figsize=(6.6, 4.4), layout="constrained")
+        axes = figure.subplots()
+        axes.grid(True, which="major", alpha=0.25)
+        axes.spines[["top", "right"]].set_visible(False)
         axes.set(xlabel="training time, s of wall time", ylabel="PSNR of right halves, dB")
-        plain_logarithmic(axes.xaxis)
+        axes.set_xscale("log")  # with numbers as 0.5, 20, 1,000 instead of powers of ten
+        axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        axes.xaxis.set_minor_locator(NullLocator())
+        axes.xaxis.set_major_formatter(StrMethodFormatter("{x:,.10g}"))
         for variant, marker in zip(dict.fromkeys(name for name, _ in points), cycle(MARKERS)):
             mine = [scores for (name, _), scores in points.items() if name == variant]
             x = [value for scores in mine for value in values(scores, "train_wall_seconds")]
             y = [value for scores in mine for value in values(scores, "psnr")]
             axes.plot(x, y, marker, alpha=0.6, label=variant)
         axes.legend(frameon=False, fontsize=8, ncols=2)
-        return inline_svg(svg_of(axes))
+        file = io.StringIO()
+        figure.savefig(file, format="svg", metadata={"Date": None, "Creator": None})
+    text = re.sub(r"<metadata>.*?</metadata>", "", file.getvalue(), flags=re.DOTALL)
+    tag, rest = text[text.index("<svg") :].split(">", 1)
+    return re.sub(r' (?:width|height|xmlns(?::\w+)?)="[^"]*"', "", tag) + ">" + rest

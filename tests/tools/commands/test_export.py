@@ -8,21 +8,19 @@ from typing import Any
 
 import numpy as np
 import pytest
+from nerfstudio.scripts import train
 from PIL import Image
+from plyfile import PlyData
 
 from desplat_ns.core.errors import CaptureError, ConfigError
+from desplat_ns.tools.commands.export import Masks, Page, Splats
 from tests.helpers.splat_files import read_glb
 
 TRAINING_PHOTOS = 6
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("frame", ["upright", "training"])
 def test_every_format_holds_the_same_gaussians(trained: Path, tmp_path: Path, frame: Any):
-    from plyfile import PlyData
-
-    from desplat_ns.tools.commands.export import Splats
-
     for name in ("a.ply", "a.glb", "a.spz"):
         Splats(trained, output=tmp_path / name, frame=frame).main()
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.glb", "a.ply", "a.spz"]
@@ -34,12 +32,9 @@ def test_every_format_holds_the_same_gaussians(trained: Path, tmp_path: Path, fr
     assert (tmp_path / "a.spz").stat().st_size < (tmp_path / "a.ply").stat().st_size / 4
 
 
-@pytest.mark.slow
 def test_splats_need_nothing_of_the_capture_and_all_else_names_where_it_was(
     trained: Path, tmp_path: Path
 ):
-    from desplat_ns.tools.commands.export import Masks, Splats
-
     moved = Path(shutil.copytree(trained.parent, tmp_path / "moved"))
     (moved / "config.yml").write_text(trained.read_text().replace("tiny_scene", "gone_scene"))
     for config, name in ((trained, "there.ply"), (moved / "config.yml", "gone.ply")):
@@ -49,10 +44,7 @@ def test_splats_need_nothing_of_the_capture_and_all_else_names_where_it_was(
         Masks(moved / "config.yml", output=tmp_path / "masks").main()
 
 
-@pytest.mark.slow
 def test_a_crop_leaves_out_what_is_far_and_says_so(trained: Path, tmp_path: Path, capsys):
-    from desplat_ns.tools.commands.export import Splats
-
     counts = []
     for crop in (None, 1.0, 1e6):
         Splats(trained, output=tmp_path / f"{crop}.glb", crop=crop).main()
@@ -64,13 +56,10 @@ def test_a_crop_leaves_out_what_is_far_and_says_so(trained: Path, tmp_path: Path
     assert not (tmp_path / "none.glb").exists()
 
 
-@pytest.mark.slow
 def test_every_training_photo_has_a_mask_of_its_size(
     trained: Path, tmp_path: Path, tiny_scene, monkeypatch: pytest.MonkeyPatch
 ):
     """Distractors are faint after so few steps: anything that is there counts."""
-    from desplat_ns.tools.commands.export import Masks
-
     monkeypatch.setattr("desplat_ns.tools.export.masks.MASK_THRESHOLD", 0.05)
     Masks(trained, output=tmp_path / "a").main()
     Masks(trained, output=tmp_path / "b", invert=True, dilate=2.0, names="nerfstudio").main()
@@ -89,14 +78,9 @@ def test_every_training_photo_has_a_mask_of_its_size(
     assert some, "something is masked, and grows"
 
 
-@pytest.mark.slow
 def test_masks_for_training_are_corrected_and_taken_back(
     trained: Path, tmp_path: Path, tiny_run, tiny_scene
 ):
-    from nerfstudio.scripts import train
-
-    from desplat_ns.tools.commands.export import Masks
-
     with pytest.raises(ConfigError, match="--invert"):
         Masks(trained, output=tmp_path / "masks", for_training=True, invert=True).main()
     Masks(trained, output=tmp_path / "masks", for_training=True).main()
@@ -123,12 +107,7 @@ def test_masks_for_training_are_corrected_and_taken_back(
     assert not again[mask == 0].any() and again[mask > 0].any()
 
 
-@pytest.mark.slow
 def test_a_run_without_distractors_has_no_masks(tiny_run, tmp_path: Path):
-    from nerfstudio.scripts import train
-
-    from desplat_ns.tools.commands.export import Masks
-
     config: Any = tiny_run(tmp_path / "runs")
     config.max_num_iterations = 2
     config.pipeline.model.effects.distractors = False
@@ -138,10 +117,7 @@ def test_a_run_without_distractors_has_no_masks(tiny_run, tmp_path: Path):
     assert not (tmp_path / "masks").exists()
 
 
-@pytest.mark.slow
 def test_a_page_is_whole_and_not_replaced_unasked(trained: Path, tmp_path: Path, capsys):
-    from desplat_ns.tools.commands.export import Page
-
     Page(trained, output=tmp_path / "a.html", training_photos=2).main()
     said = " ".join(capsys.readouterr().out.split())
     size = (tmp_path / "a.html").stat().st_size

@@ -12,6 +12,8 @@ import pytest
 import yaml
 
 from desplat_ns.core.errors import CaptureError, ConfigError
+from desplat_ns.tools.commands.evaluate import Evaluate
+from desplat_ns.tools.commands.report import Report
 
 NUM_TRAIN, NUM_TEST = 6, 2
 
@@ -19,15 +21,12 @@ NUM_TRAIN, NUM_TEST = 6, 2
 @pytest.fixture(scope="module")
 def page(trained: Path, tmp_path_factory: pytest.TempPathFactory) -> str:
     """The page of a tiny run."""
-    from desplat_ns.tools.commands.report import Report
-
     output = tmp_path_factory.mktemp("report") / "new" / "page.html"
     Report(trained, output=output).main()
     assert [path.name for path in output.parent.iterdir()] == ["page.html"]
     return output.read_text("utf8")
 
 
-@pytest.mark.slow
 def test_the_page_of_a_run_has_every_photo_with_its_layers(page: str):
     alts = re.findall(r'<img[^>]* alt="([^"]*)"', page)
     for what in ("the photo", "its distractors", "the mask of its distractors"):
@@ -37,12 +36,9 @@ def test_the_page_of_a_run_has_every_photo_with_its_layers(page: str):
     assert len(re.findall(r"PSNR [.0-9]+ dB, SSIM [.0-9]+", page)) == NUM_TEST
 
 
-@pytest.mark.slow
 def test_the_scene_itself_is_on_top_unless_it_is_not_wanted(
     page: str, trained: Path, tmp_path: Path
 ):
-    from desplat_ns.tools.commands.report import Report
-
     (scene,) = re.findall(r'<iframe class="scene"[^>]* srcdoc="([^"]*)"', page)
     assert "class ScenePage" in scene and scene.count("extra_") >= NUM_TEST
     assert len(page.encode()) < 25_000_000
@@ -53,10 +49,7 @@ def test_the_scene_itself_is_on_top_unless_it_is_not_wanted(
     assert "<iframe" not in without and "wasm-unsafe-eval" not in without
 
 
-@pytest.mark.slow
 def test_the_page_has_the_scores_of_ns_eval(page: str, trained: Path, tmp_path: Path):
-    from desplat_ns.tools.commands.evaluate import Evaluate
-
     Evaluate(trained, output_path=tmp_path / "m.json").main()
     results: dict[str, Any] = json.loads((tmp_path / "m.json").read_text())["results"]
     assert f"{results['psnr']:.2f} dB" in page
@@ -66,13 +59,10 @@ def test_the_page_has_the_scores_of_ns_eval(page: str, trained: Path, tmp_path: 
     assert "no record of a survey" in page
 
 
-@pytest.mark.slow
 def test_a_run_and_its_capture_that_were_moved_have_a_page(
     trained: Path, tiny_scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     """With the survey's findings beside the run."""
-    from desplat_ns.tools.commands.report import Report
-
     config: Any = yaml.load(trained.read_text(), Loader=yaml.UnsafeLoader)
     config.output_dir = tmp_path / "gone"
     config.data = config.pipeline.datamanager.data = tmp_path / "gone"
@@ -98,8 +88,6 @@ def test_a_run_and_its_capture_that_were_moved_have_a_page(
 def test_a_page_that_cannot_be_is_refused_before_the_work(
     tmp_path: Path, trained: Path, output: str
 ):
-    from desplat_ns.tools.commands.report import Report
-
     (tmp_path / "taken.html").mkdir()
     with pytest.raises(ConfigError, match="--output"):
         Report(trained, output=tmp_path / output).main()

@@ -43,12 +43,6 @@ def small(*means: tuple[float, float, float], scale: float = 0.01) -> Splats:
     )
 
 
-def wall(depth: float) -> torch.Tensor:
-    """Points that all cameras of a row near the origin see."""
-    across = torch.linspace(-0.2, 0.2, 20)
-    return torch.stack([across, 0 * across, -depth + 0 * across], dim=1)
-
-
 def test_neighbours_are_the_nearest_three_each_pair_once():
     poses = in_a_row(0, 1, 2, 3, 10).camera_to_worlds
     pairs = [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (1, 4), (2, 3), (2, 4), (3, 4)]
@@ -92,7 +86,8 @@ def test_what_is_too_near_for_all_that_show_it_is_not_seen():
     veil, scene = (0, 0, -0.7), (0, 0, -3.9)
     near = view_of(in_a_row(0))
     farther = view_of(cameras(turned(0, 0, 0, 1)))
-    points = wall(4.0)
+    across = torch.linspace(-0.2, 0.2, 20)
+    points = torch.stack([across, 0 * across, -4 + 0 * across], dim=1)  # of a wall
     assert seen_by_any(small(veil, scene), [near], points, 0.17).tolist() == [True, True]
     assert seen_by_any(small(veil, scene), [near], points, 0.18).tolist() == [False, True]
     assert seen_by_any(small(veil, scene), [near], None, 0.18).tolist() == [True, True]

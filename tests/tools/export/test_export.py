@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -14,16 +13,19 @@ import pycolmap
 import pytest
 import torch
 from nerfstudio.data.dataparsers.nerfstudio_dataparser import NerfstudioDataParserConfig
+from scipy.spatial.transform import Rotation
 
 from desplat_ns.backend.protocol import Rendering, View
 from desplat_ns.core.run_files import RunFiles, find_run
 from desplat_ns.data.transforms_json import TransformsDataParser
+from desplat_ns.tools.commands.export import Splats
 from desplat_ns.tools.export import export
 from desplat_ns.tools.export.export import export_splats, reach_of
 from desplat_ns.tools.export.splat_cloud import OFF_BY
 from desplat_ns.tools.loading import load_run
 from desplat_ns.training.datamanager import DeSplatDataManager
 from desplat_ns.viewer import LayerControl
+from tests.helpers.files import write_transforms
 from tests.helpers.scene import psnr
 from tests.helpers.splat_files import cloud, drawn, read_glb, read_splats, view
 
@@ -46,7 +48,6 @@ def test_a_camera_looks_as_far_as_the_median_depth_of_what_is_opaque():
     assert reach_of(view(), lambda small: rendering(small, 2.0, 0.4)) is None
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("ending", "least"), [("ply", 80.0), ("spz", 40.0)])
 def test_a_file_in_the_captures_frame_shows_the_scene_to_the_captures_cameras(
     trained: Path, tiny_scene: Any, tmp_path: Path, ending: str, least: float
@@ -54,8 +55,9 @@ def test_a_file_in_the_captures_frame_shows_the_scene_to_the_captures_cameras(
     """A PLY has float32, as the model does: errors of 1e-6 make 120 dB, and single Gaussians may
     cross a cutoff of 1/255. An SPZ rounds colours to steps of 1/136 and opacities to steps of
     1/255: 0.01 make 40 dB."""
-    export_splats(find_run(trained), tmp_path / f"a.{ending}", "capture", None, None)
-    cloud = read_splats((tmp_path / f"a.{ending}").read_bytes(), ending)
+    output = tmp_path / f"a.{ending}"
+    export_splats(find_run(trained), Splats(output=output, frame="capture"))
+    cloud = read_splats(output.read_bytes(), ending)
     pipeline: Any = load_run(find_run(trained)).pipeline
     pipeline.model.layer_control = LayerControl([])  # without a near plane, as other viewers
     camera, _ = pipeline.datamanager.fixed_indices_eval_dataloader[0]
@@ -88,14 +90,14 @@ def test_a_nerfstudio_captures_frame_is_that_of_its_own_points_also_far_out(
     (tmp_path / "sparse_pc.ply").write_text(head + rows)
     frames = []
     for i in range(4):
-        pose = rotation_about_z(0.7 * i)
+        pose = np.eye(4)
+        pose[:3, :3] = Rotation.from_euler("z", 0.7 * i).as_matrix()
         pose[:3, 3] = UTM + np.array([i, i % 2, 0])
         photo_writer(tmp_path / "images" / f"{i}.png", seed=i)
         frames.append({"file_path": f"images/{i}.png", "transform_matrix": pose.tolist()})
-    meta = {"fl_x": 10, "fl_y": 10, "cx": 4, "cy": 3, "w": 8, "h": 6, "frames": frames}
-    meta |= {"ply_file_path": "sparse_pc.ply"}
-    meta |= {"applied_transform": [[1, 0, 0, 0], [0, 0, 1, 5], [0, -1, 0, 0]]}
-    (tmp_path / "transforms.json").write_text(json.dumps(meta))
+    applied = [[1, 0, 0, 0], [0, 0, 1, 5], [0, -1, 0, 0]]
+    files = {"ply_file_path": "sparse_pc.ply", "applied_transform": applied}
+    write_transforms(tmp_path, [], frames=frames, **files)
     config = NerfstudioDataParserConfig(data=tmp_path, load_3D_points=True)
     parser = TransformsDataParser(config)
     outputs = parser.get_dataparser_outputs("train")
@@ -115,7 +117,7 @@ def test_a_nerfstudio_captures_frame_is_that_of_its_own_points_also_far_out(
     monkeypatch.setattr(export, "load_run", lambda files, needs_photos: run)
     monkeypatch.setattr(export, "static_cloud", lambda *options: (trained, None))
     output = tmp_path / f"a.{ending}"
-    export_splats(RunFiles(tmp_path, tmp_path), output, "capture", None, None)
+    export_splats(RunFiles(tmp_path, tmp_path), Splats(output=output, frame="capture"))
     offset = np.array((tmp_path / f"a.{ending}.offset.txt").read_text().split(), float)
     content = output.read_bytes()
     if ending == "glb":
@@ -130,9 +132,3 @@ def test_a_nerfstudio_captures_frame_is_that_of_its_own_points_also_far_out(
     assert (
         offset == np.round(offset)
     ).all() and f"a.{ending}.offset.txt" in capsys.readouterr().out
-
-
-def rotation_about_z(angle: float) -> np.ndarray:
-    turn = np.eye(4)
-    turn[:2, :2] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
-    return turn

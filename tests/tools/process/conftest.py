@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
@@ -29,17 +27,10 @@ def yard() -> Yard:
 @pytest.fixture(scope="session")
 def plain(yard: Yard, tmp_path_factory: pytest.TempPathFactory) -> Features:
     """All views in their order, with plain features; shared: take `plain.again(folder)`."""
-    return _features(yard, tmp_path_factory.mktemp("plain"), range(len(yard.pictures)))
+    return yard.features(tmp_path_factory.mktemp("plain"), range(len(yard.pictures)))
 
 
 @pytest.fixture(scope="session")
 def marked(yard: Yard, tmp_path_factory: pytest.TempPathFactory) -> Features:
     """Every other view, with what stands still in the lowest quarter of each; shared as `plain`."""
-    return _features(yard, tmp_path_factory.mktemp("marked"), range(0, 12, 2), is_marked=True)
-
-
-def _features(yard: Yard, folder: Path, order: Sequence[int], is_marked: bool = False) -> Features:
-    from tests.helpers.yard import copied, features_of
-
-    photos = copied(yard.write(folder / "photos", order, is_marked), folder / "copies")
-    return features_of(photos, folder / "copies", folder / "database.db")
+    return yard.features(tmp_path_factory.mktemp("marked"), range(0, 12, 2), is_marked=True)

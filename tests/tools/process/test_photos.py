@@ -86,7 +86,6 @@ def test_files_that_are_no_pictures_and_twins_are_named_and_do_not_stop_the_othe
     assert all(" cannot be read: " in problem for problem in problems.values())
 
 
-@pytest.mark.slow
 def test_there_are_no_features_where_a_mask_is_black_and_all_others_stay(
     marked: Features, tmp_path: Path
 ):

@@ -19,7 +19,7 @@ from desplat_ns.tools.process.photos import Photo
 from desplat_ns.tools.process.process import is_made, report_lines
 from desplat_ns.tools.process.reconstruction import Attempt, Model
 from desplat_ns.tools.process.request import Request
-from tests.helpers.yard import CLOSE, EDGE, Yard, places_of, write_mask_of_the_mark
+from tests.helpers.yard import CLOSE, EDGE, Yard, places_of, view_of, write_mask_of_the_mark
 
 
 def findings_of(output: Path) -> dict[str, Any]:
@@ -30,7 +30,6 @@ def findings_of(output: Path) -> dict[str, Any]:
 # --- the whole way -------------------------------------------------------------------------------
 
 
-@pytest.mark.slow
 def test_plain_features_pose_all_photos_in_their_places(yard: Yard, tmp_path: Path):
     views = range(len(yard.pictures))
     photos, out = yard.write(tmp_path / "fotos über", views), tmp_path / "out"
@@ -52,7 +51,6 @@ def test_plain_features_pose_all_photos_in_their_places(yard: Yard, tmp_path: Pa
     assert (out / "process.json").read_bytes() == before and not (out / "work").exists()
 
 
-@pytest.mark.slow
 def test_thorough_features_stay_off_what_a_mask_blackens_and_pose_all_photos(
     yard: Yard, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ):
@@ -70,13 +68,10 @@ def test_thorough_features_stay_off_what_a_mask_blackens_and_pose_all_photos(
     assert yard.farthest(out / "sparse" / "0", names) < CLOSE
 
 
-@pytest.mark.slow
 def test_the_frames_of_a_video_have_their_places(
     yard: Yard, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     """The camera looks at one middle, so that the picture moves little from view to view."""
-    from tests.helpers.yard import view_of
-
     monkeypatch.setattr(video, "LEAST_GAP", video.STEP)
     film, out = yard.film(tmp_path / "walk.mp4"), tmp_path / "out"
     Request(film, out, effort="plain").main()

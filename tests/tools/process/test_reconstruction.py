@@ -22,12 +22,11 @@ from desplat_ns.tools.process.reconstruction import (
     PLAIN,
     enter_photos,
     feature_counts,
-    find_features,
     map_photos,
     match_photos,
     verified_pairs,
 )
-from tests.helpers.yard import CLOSE, EDGE, Features, Yard, copied, places_of
+from tests.helpers.yard import CLOSE, EDGE, Features, Yard, places_of
 
 FEW = replace(PLAIN, neighbours=3)
 """With a dozen photos: each is compared with a quarter of the others."""
@@ -58,7 +57,6 @@ def worst_pose(mine: Features, yard: Yard, order: Sequence[int]) -> float:
     return yard.farthest(best.folder, views)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("pairing", ["exhaustive", "similar", "sequential"])
 def test_each_pairing_gives_every_photo_its_place(
     pairing: str, plain: Features, yard: Yard, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -74,7 +72,6 @@ def test_each_pairing_gives_every_photo_its_place(
     assert worst_pose(mine, yard, range(len(yard.pictures))) < CLOSE
 
 
-@pytest.mark.slow
 def test_what_a_video_shows_again_at_its_end_is_compared_with_its_beginning(
     yard: Yard, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
@@ -82,9 +79,7 @@ def test_what_a_video_shows_again_at_its_end_is_compared_with_its_beginning(
     monkeypatch.setattr(reconstruction, "OVERLAP", 1)
     monkeypatch.setattr(reconstruction, "LOOPS", 2)
     order = [*EVERY_OTHER, *(view + 1 for view in reversed(EVERY_OTHER))]
-    photos = copied(yard.write(tmp_path / "photos", order), tmp_path / "copies")
-    mine = Features(tmp_path / "database.db", tmp_path / "copies", photos)
-    extract(mine)
+    mine = yard.features(tmp_path, order)
     match_photos(mine.database, True, FEW)
     last = len(order) - 1
     assert (0, last) not in reconstruction.sequential_pairs(len(order))
@@ -92,14 +87,6 @@ def test_what_a_video_shows_again_at_its_end_is_compared_with_its_beginning(
     assert {(0, last), *((i, i + 1) for i in range(last))} <= tied
 
 
-def extract(mine: Features) -> None:
-    """Find plain features of photos."""
-    cameras = group_by_camera(mine.photos, "auto")
-    enter_photos(mine.database, mine.copies, cameras, "auto")
-    find_features(mine.database, mine.copies, PLAIN)
-
-
-@pytest.mark.slow
 def test_another_focal_length_leaves_features_and_matches_and_verifies_anew(
     plain: Features, tmp_path: Path
 ):
@@ -132,7 +119,6 @@ def verified_at_equal_places(mine: Features) -> tuple[int, int]:
     return still, every
 
 
-@pytest.mark.slow
 def test_what_stands_still_in_all_photos_does_not_tie_them(
     marked: Features, yard: Yard, tmp_path: Path
 ):
@@ -143,14 +129,12 @@ def test_what_stands_still_in_all_photos_does_not_tie_them(
     assert worst_pose(mine, yard, EVERY_OTHER) < CLOSE
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("calls", [0, 1, 2])
 def test_features_and_matches_that_were_cut_off_go_on_where_they_stopped(
     yard: Yard, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, calls: int
 ):
     """Cut off before the first call of pycolmap, after it, after the second."""
-    photos = copied(yard.write(tmp_path / "photos", range(5)), tmp_path / "copies")
-    mine, left = Features(tmp_path / "database.db", tmp_path / "copies", photos), [calls]
+    left = [calls]
 
     def cut_off(name: str) -> None:
         done = getattr(pycolmap, name)
@@ -165,11 +149,11 @@ def test_features_and_matches_that_were_cut_off_go_on_where_they_stopped(
 
     cut_off("extract_features")
     with pytest.raises(KeyboardInterrupt):
-        extract(mine)
+        yard.features(tmp_path, range(5))
     left[0] = 99
-    extract(mine)
+    mine = yard.features(tmp_path, range(5))
     counts = feature_counts(mine.database)
-    assert list(counts) == [photo.copy for photo in photos] and all(counts.values())
+    assert list(counts) == [photo.copy for photo in mine.photos] and all(counts.values())
     cut_off("match_image_pairs")
     left[0] = 1
     with pytest.raises(KeyboardInterrupt):

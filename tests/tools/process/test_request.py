@@ -10,13 +10,7 @@ import pytest
 
 from desplat_ns.core.errors import CaptureError, ConfigError
 from desplat_ns.tools.process.request import Request, find_photos
-
-
-def touch(folder: Path, *names: str) -> Path:
-    for name in names:
-        (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        (folder / name).write_bytes(b"x")
-    return folder
+from tests.helpers.files import touch
 
 
 def test_photos_in_folders_are_found_and_hidden_ones_and_the_output_are_not(

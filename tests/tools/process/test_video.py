@@ -19,15 +19,9 @@ from tests.helpers.yard import BLUR, SIZE, Yard, view_of
 pytestmark = pytest.mark.slow
 
 
-@pytest.fixture(scope="module")
-def film(yard: Yard, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return yard.film(tmp_path_factory.mktemp("film") / "walk.mp4")
-
-
-def test_frames_that_are_taken_are_the_sharp_ones_of_their_numbers(
-    film: Path, yard: Yard, tmp_path: Path
-):
+def test_frames_that_are_taken_are_the_sharp_ones_of_their_numbers(yard: Yard, tmp_path: Path):
     """Each looks more like its view than like any other, and than like its view blurred."""
+    film = yard.film(tmp_path / "walk.mp4")
     names = take_frames(film, tmp_path / "frames", 150)
     candidates = [*yard.pictures, *(cv2.GaussianBlur(p, (0, 0), BLUR) for p in yard.pictures)]
     for name in names:

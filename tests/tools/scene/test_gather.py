@@ -25,8 +25,6 @@ from tests.helpers.small_model import held_out, model_with, moved
 
 pytestmark = pytest.mark.slow
 
-MOST = 5_000_000
-
 
 @pytest.fixture(scope="module")
 def run(trained: Path) -> LoadedRun:

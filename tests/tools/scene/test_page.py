@@ -5,7 +5,6 @@ import gzip
 import json
 import re
 from dataclasses import replace
-from html.parser import HTMLParser
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +17,7 @@ from desplat_ns.tools.export.splat_cloud import SplatCloud, moved
 from desplat_ns.tools.export.spz import color_bytes, spz_bytes
 from desplat_ns.tools.scene.gather import TO_PAGE
 from desplat_ns.tools.scene.page import VIEWER, fitted, scene_html
+from tests.helpers.html import Elements
 from tests.helpers.scene import HEIGHT, WIDTH, camera, cloud, contents, light, red_disc
 from tests.helpers.splat_files import read_splats
 
@@ -25,33 +25,9 @@ MOST = 4_000_000
 NASTY = "</script><script>alert(1)</script><!--<script>\"'&\u2028.png"
 
 
-class Parts(HTMLParser):
-    """Elements with their attributes and texts, as a browser's parser cuts the page."""
-
-    def __init__(self, page: str) -> None:
-        super().__init__()
-        self.elements: list[tuple[str, dict[str, str | None], list[str]]] = []
-        self.feed(page)
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.elements.append((tag, dict(attrs), []))
-
-    def handle_data(self, data: str) -> None:
-        if self.elements:
-            self.elements[-1][2].append(data)
-
-    def text_of(self, name: str) -> str:
-        """Of the element with this id."""
-        (texts,) = (texts for _, attrs, texts in self.elements if attrs.get("id") == name)
-        return "".join(texts)
-
-    def tags(self, name: str) -> list[tuple[dict[str, str | None], str]]:
-        return [(attrs, "".join(texts)) for tag, attrs, texts in self.elements if tag == name]
-
-
 def test_the_scene_its_cameras_and_what_was_taken_out_are_in_the_page():
     text, said = scene_html(contents(), MOST)
-    parts, made = Parts(text), contents()
+    parts, made = Elements(text), contents()
     read = read_splats(base64.b64decode(parts.text_of("scene")))
     turned = np.stack([made.cloud.means[:, 0], made.cloud.means[:, 2], -made.cloud.means[:, 1]], 1)
     assert np.allclose(read.means, turned, atol=1e-5), "y is up in the page"
@@ -68,10 +44,10 @@ def test_the_scene_its_cameras_and_what_was_taken_out_are_in_the_page():
 
 def test_nothing_is_asked_from_elsewhere():
     text, _ = scene_html(contents(), MOST)
-    parts = Parts(text)
-    policy = next(a["content"] for a, _ in parts.tags("meta") if "http-equiv" in a)
+    parts = Elements(text)
+    policy = next(a["content"] for a, _ in parts.of("meta") if "http-equiv" in a)
     assert policy is not None and "default-src 'none'" in policy and "connect-src" not in policy
-    addresses = [a.get("src") or a.get("href") for _, a, _ in parts.elements]
+    addresses = [a.get("src") or a.get("href") for _, a, _ in parts.all]
     assert all(address.startswith("data:") for address in addresses if address)
     assert re.findall(r"https?://[^\s\"'<]+", text) == []
 
@@ -86,18 +62,18 @@ def test_names_with_markup_in_them_do_no_harm():
         cameras=[camera(NASTY, 0), *plain.cameras[1:]],
         pictures=[(NASTY, plain.pictures[0][1])],
     )
-    before, after = (Parts(scene_html(page, MOST)[0]) for page in (plain, nasty))
-    tags = [[tag for tag, _, _ in parts.elements] for parts in (before, after)]
+    before, after = (Elements(scene_html(page, MOST)[0]) for page in (plain, nasty))
+    tags = [[tag for tag, _, _ in parts.all] for parts in (before, after)]
     assert tags[0] == tags[1], "the same elements"
     assert json.loads(after.text_of("data"))["cameras"][0]["name"] == NASTY
-    assert NASTY in [text.strip() for _, text in after.tags("title")]
-    assert "".join(text for _, text in after.tags("option")).count(NASTY) == 3
+    assert NASTY in [text.strip() for _, text in after.of("title")]
+    assert "".join(text for _, text in after.of("option")).count(NASTY) == 3
 
 
 def test_other_lights_are_what_is_to_be_added_to_the_first_ones_colours():
     """All bytes of the file in that light, rounded as it would be, and no bytes beside."""
     written = contents(light="a.png", other_lights=[light("b.png", 0.3)])
-    data = json.loads(Parts(scene_html(written, MOST)[0]).text_of("data"))
+    data = json.loads(Elements(scene_html(written, MOST)[0]).text_of("data"))
     first, other = data["lights"]
     assert (first["name"], first["change"]) == ("a.png", "")
     assert (other["name"], other["background"]) == ("b.png", [0.1, 0.2, 0.7])
@@ -115,7 +91,7 @@ def test_a_page_is_as_large_as_it_may_be_and_says_what_is_left_out():
     assert 0.9 * most < len(reduced.encode()) <= most
     kept = re.search(r"([\d,]+) of 30,000", line)
     assert kept is not None and line in reduced
-    parts = Parts(reduced)
+    parts = Elements(reduced)
     read = read_splats(base64.b64decode(parts.text_of("scene")))
     assert len(read) == int(kept[1].replace(",", ""))
     assert len(json.loads(parts.text_of("data"))["lights"]) == 1

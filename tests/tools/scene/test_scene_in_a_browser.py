@@ -2,6 +2,7 @@
 
 import base64
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,6 +13,7 @@ import torch
 from desplat_ns.tools.export.ply import ply_bytes
 from desplat_ns.tools.export.splat_cloud import SplatCloud
 from desplat_ns.tools.export.spz import spz_bytes
+from desplat_ns.tools.scene.gather import PageScene
 from desplat_ns.tools.scene.page import scene_html
 from tests.helpers.browser import Page, headless_page
 from tests.helpers.scene import (
@@ -26,13 +28,49 @@ from tests.helpers.scene import (
     psnr,
     red_disc,
 )
-from tests.helpers.scene_in_browser import bare, bare_scene, opened, settle, shown
 
 pytestmark = pytest.mark.slow
 
 MOST = 4_000_000
 LEAST_PSNR = 30.0
 """dB, of the page's picture against ours."""
+
+
+BARE = "<style id=bare>header, footer, #hint { display: none !important }</style>"
+"""The stage alone, so that it is as large as the window."""
+
+
+def opened(page: Page, path: Path) -> None:
+    """Open a scene's page, and wait until it shows the scene or says why not."""
+    page.open(path.as_uri())
+    page.wait_for("!!globalThis.scenePage || document.body.classList.contains('failed')")
+
+
+def bare(page: Page) -> None:
+    """Show the stage alone."""
+    page.value(f"document.head.insertAdjacentHTML('beforeend', '{BARE}')")
+
+
+def settle(page: Page, action: str = "") -> None:
+    """Do something on the page, and wait until what follows is drawn."""
+    page.value(f"{action}; scenePage.redraw()")
+    page.wait_for("scenePage.settled()")
+
+
+def shown(page: Page) -> np.ndarray:
+    """What is in the window [H, W, 3], in [0, 1]."""
+    return np.asarray(page.picture()) / 255
+
+
+@contextmanager
+def bare_scene(path: Path, scene: PageScene) -> Iterator[Page]:
+    """The stage of a scene's page alone, as large as a photo."""
+    path.write_text(scene_html(scene, MOST)[0])
+    with headless_page(webgl=True) as page:
+        page.resize(WIDTH, HEIGHT)
+        opened(page, path)
+        bare(page)
+        yield page
 
 
 @pytest.fixture(scope="module")
@@ -76,7 +114,7 @@ def test_another_light_is_shown_where_it_is_chosen_and_the_first_one_again(tmp_p
     ours = drawn(scene.cloud, view)
     lit = drawn(replace(scene.cloud, harmonics=other.harmonics), view, other.background)
     assert psnr(ours, lit) < 20
-    with bare_scene(tmp_path / "a.html", scene_html(scene, MOST)[0], WIDTH, HEIGHT) as page:
+    with bare_scene(tmp_path / "a.html", scene) as page:
         settle(page, "scenePage.goTo(1)")
         first = shown(page)
         assert psnr(first, ours) > LEAST_PSNR
@@ -96,7 +134,7 @@ def test_strong_harmonics_are_drawn_whole(tmp_path: Path, degree: int, antialias
     strong = plain.harmonics * np.where(np.arange((degree + 1) ** 2) > 0, 4, 1)[:, None]
     strong = replace(plain, harmonics=strong.astype(np.float32), antialiased=antialiased)
     scene = contents(cloud=strong)
-    with bare_scene(tmp_path / "a.html", scene_html(scene, MOST)[0], WIDTH, HEIGHT) as page:
+    with bare_scene(tmp_path / "a.html", scene) as page:
         settle(page, "scenePage.goTo(1)")
         assert psnr(shown(page), drawn(scene.cloud, scene.cameras[1].view)) > 40
 
@@ -178,7 +216,7 @@ def test_help_opens_by_a_key_and_closes_by_escape_and_at_a_touch_elsewhere(stage
 def test_a_dropped_file_is_shown_in_place_of_the_scene(tmp_path: Path, kind: str, write, axes):
     dropped = cloud(seed=7, degree=0)
     content = base64.b64encode(write(dropped)).decode()
-    with bare_scene(tmp_path / "a.html", scene_html(contents(), MOST)[0], WIDTH, HEIGHT) as page:
+    with bare_scene(tmp_path / "a.html", contents()) as page:
         page.value(
             f"{{ const bytes = Uint8Array.from(atob('{content}'), c => c.charCodeAt(0));"
             f"scenePage.showFile(new File([bytes], 'a.{kind}')), 0 }}"
@@ -216,7 +254,7 @@ def test_what_is_nearer_than_the_near_plane_is_not_shown_there(tmp_path: Path):
     scene, disc = cloud(degree=0), red_disc()
     both = joined(scene, disc)
     page_data = contents(cloud=both, cameras=[camera("a.png", 0, near=1.0), camera("b.png", 40)])
-    with bare_scene(tmp_path / "a.html", scene_html(page_data, MOST)[0], WIDTH, HEIGHT) as page:
+    with bare_scene(tmp_path / "a.html", page_data) as page:
         settle(page, "scenePage.goTo(0)")
         hidden = shown(page)
         assert psnr(hidden, drawn(scene, page_data.cameras[0].view)) > LEAST_PSNR
