@@ -70,7 +70,7 @@ MUTATIONS = (
              "tests/test_layers.py"),
     Mutation("log-scales that overflow", "gaussians/activation.py",
              "torch.exp(log_scales.clamp(max=MAX_LOG_SCALE))", "torch.exp(log_scales)", FORMULAS),
-    Mutation("placing never stops", "distractors/layer.py",
+    Mutation("placing never stops", "distractors/distractors.py",
              "step.nominal < STOP_PLACING_AT", "step.nominal >= 0",
              "tests/distractors/test_placement.py"),
     Mutation("weak regions without a strong cell", "separation/decide.py",
