@@ -66,8 +66,7 @@ def rate_factor(num_views: int, steps: int, full_visits: float) -> float:
     """Factor, 1 to `MOST_RATE_FACTOR`, on the learning rates of a run of `steps` steps that sees
     photos seldom. `full_visits`: of each photo, for which the rates are meant; 0 for a factor of 1.
     """
-    full = full_visits * max(num_views, COUNTED_VIEWS)
-    return min(MOST_RATE_FACTOR, max(1.0, full / steps))
+    return min(MOST_RATE_FACTOR, max(1.0, full_visits * num_views / steps))
 
 
 def early_rate_factor(step: int, warmup: int, wanted: int) -> float:
@@ -78,9 +77,9 @@ def early_rate_factor(step: int, warmup: int, wanted: int) -> float:
 
 
 def settling_factor(step: int, steps: int, share: float) -> float:
-    """Factor, 1 to 0, on the static set's learning rates at one of a run's nominal
-    steps: it falls linearly in the last `share` of them, so that the scene ends in the middle of
-    what single photos drew it to."""
+    """Factor, 1 to 0, on the static set's learning rates at one of a run's nominal steps: it falls
+    linearly in the last `share` of them, so that the scene ends in the middle of what single photos
+    drew it to."""
     return min(1.0, max(0.0, 1.0 - step / steps) / share) if share > 0 else 1.0
 
 

@@ -58,6 +58,7 @@ def test_a_longer_run_never_has_higher_rates():
     factors = [rate_factor(100, steps, 100.0) for steps in (1, 100, 1000, 5000, 20_000, 10**6)]
     assert factors == sorted(factors, reverse=True)
     assert factors[0] == MOST_RATE_FACTOR and factors[-1] == rate_factor(100, 1, 0.0) == 1.0
+    assert rate_factor(8, 1000, 150.0) == pytest.approx(1.2)  # few photos are seen often
 
 
 def test_rates_are_as_much_higher_as_the_warm_up_is_shorter_until_it_would_have_ended():
