@@ -10,4 +10,5 @@ RUN test -z "$INDEX" || pip install --no-cache-dir -c /src/constraints.txt -i "$
 RUN pip install --no-cache-dir -c /src/constraints.txt "/src$EXTRA" \
     && pip install --no-cache-dir --no-deps OpenImageIO==3.2.2.0 \
     && python -m desplat_ns.backend.compile_kernels
+ENV XDG_CACHE_HOME=/cache
 WORKDIR /work
