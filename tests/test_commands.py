@@ -1,7 +1,5 @@
 """nerfstudio's own commands on a tiny generated scene: trained once, then used in every way."""
 
-from __future__ import annotations
-
 import json
 import math
 import shutil

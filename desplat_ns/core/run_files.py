@@ -1,7 +1,5 @@
 """The files of a trained run, found without importing torch: mistakes are told at once."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

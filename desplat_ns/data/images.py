@@ -6,8 +6,6 @@ are in docs/reference/data.md.
 Letters in shapes: H x W pixels, C channels.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Which files of a folder are photos, and files that must exist."""
 
-from __future__ import annotations
-
 import os
 import re
 from collections import Counter

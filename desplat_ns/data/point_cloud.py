@@ -3,8 +3,6 @@
 Letters in shapes: P points, D distinct ones.
 """
 
-from __future__ import annotations
-
 import io
 from dataclasses import dataclass
 from pathlib import Path
@@ -39,7 +37,7 @@ class Points:
 NO_POINTS = Points(np.zeros((0, 3)), np.zeros((0, 3), np.uint8), np.zeros(0, np.int64))
 
 
-def points_of(model: pycolmap.Reconstruction) -> Points:
+def points_of(model: "pycolmap.Reconstruction") -> Points:
     """The points of a model."""
     by_id = dict(sorted(model.points3D.items()))
     return Points(

@@ -1,8 +1,6 @@
 """What lies behind all Gaussians: one colour, or spherical harmonics that all images share or that
 depend on the image (Eq. 8-11)."""
 
-from __future__ import annotations
-
 import torch
 import torch.nn.functional as F
 from jaxtyping import Float

@@ -1,7 +1,5 @@
 """The per-image effects that are on, together: the light of each image, appearance, background."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import torch

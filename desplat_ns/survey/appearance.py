@@ -4,8 +4,6 @@ neighbours do not show the same of a point, something is in the way, which is no
 Letters in shapes: V photos, P points, M pairs of patches, S samples of a patch.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

@@ -7,8 +7,6 @@ everything else looks the same.
 Letters in shapes: V photos, R x C cells of one photo, K sky cells of all photos.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import NamedTuple
 

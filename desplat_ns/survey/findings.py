@@ -1,7 +1,5 @@
 """What the survey says: figures with thresholds and a decision for each effect."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Serves full photos with their cameras, and says which training view a camera is."""
 
-from __future__ import annotations
-
 import os
 import random
 from contextlib import suppress
@@ -49,7 +47,7 @@ class DeSplatDataManagerConfig(FullImageDatamanagerConfig):
     """Full photos, kept as 8 bit."""
 
     _target: type = field(default_factory=lambda: DeSplatDataManager)
-    dataparser: AnyDataParser = field(default_factory=DeSplatDataParserConfig)
+    dataparser: "AnyDataParser" = field(default_factory=DeSplatDataParserConfig)
     cache_images_type: Annotated[Literal["uint8"], tyro.conf.Suppress] = "uint8"
     """Photos have 8 bits; nerfstudio's float32 would take four times the memory."""
     photo_memory: float | None = ranged(None, "(0, inf)")
@@ -57,7 +55,7 @@ class DeSplatDataManagerConfig(FullImageDatamanagerConfig):
     their turn and in the background, which changes nothing else. By default 40% of the
     memory that is free."""
 
-    def setup(self, **kwargs: Any) -> DeSplatDataManager:
+    def setup(self, **kwargs: Any) -> "DeSplatDataManager":
         """The data manager, once the dataparser is settled."""
         self.settle_dataparser()
         return super().setup(**kwargs)

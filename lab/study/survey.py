@@ -6,8 +6,6 @@ Generated scenes have every combination of effects; other captures have some dec
 who looks at the photos can tell. The tables are outputs/survey/table.md.
 """
 
-from __future__ import annotations
-
 import time
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence

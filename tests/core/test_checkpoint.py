@@ -1,7 +1,5 @@
 """Checkpoint files survive kills, full disks and damage; a run's folder is made and taken away."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

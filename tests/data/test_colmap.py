@@ -1,7 +1,5 @@
 """Our COLMAP parser gives what nerfstudio's gives, without its prompt."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 from typing import Any

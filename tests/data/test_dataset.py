@@ -1,7 +1,5 @@
 """Photos come at the size of their cameras, whatever their own; what does not fit is named."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

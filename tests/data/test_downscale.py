@@ -1,7 +1,5 @@
 """Reduced copies are used where they are whole; nothing is written; no side is ever 0."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

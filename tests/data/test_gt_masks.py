@@ -1,7 +1,5 @@
 """Ground-truth masks are read at the size of the rendering, or named."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Photos come in upright and with their own colours; damage is named."""
 
-from __future__ import annotations
-
 import os
 import struct
 from io import BytesIO

@@ -1,7 +1,5 @@
 """Photos are told from other files by their names; folders of copies by their numbers."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from desplat_ns.data.photo_files import (

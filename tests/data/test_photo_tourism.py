@@ -1,7 +1,5 @@
 """`photo-tourism-data`: the folders as they are downloaded, photos of any size, NeRF-W's split."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

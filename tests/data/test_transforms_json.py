@@ -1,7 +1,5 @@
 """`nerfstudio-data` never asks, and starts from COLMAP's points where it can."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

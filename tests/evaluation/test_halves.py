@@ -1,8 +1,6 @@
 """Left half to the embedding, right half to the figures, and nothing else moves; right halves
 are scored, in a light found on the left ones or in the average."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

@@ -1,7 +1,5 @@
 """A model of a few Gaussians, and the part of nerfstudio's training loop that touches it."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import torch

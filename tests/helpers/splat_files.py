@@ -1,8 +1,6 @@
 """Made-up Gaussians for files, what a camera sees of them, and readers that share no code with the
 package."""
 
-from __future__ import annotations
-
 import json
 import struct
 from dataclasses import replace

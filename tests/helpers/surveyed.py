@@ -1,7 +1,5 @@
 """Captures with some of their photos, or with copies to be damaged, and what a survey finds."""
 
-from __future__ import annotations
-
 import shutil
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A photo's exposure, white balance, gamma and vignetting, and how they are found."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

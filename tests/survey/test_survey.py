@@ -1,7 +1,5 @@
 """Decisions on tiny scenes whose truth is known."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """`desplat-export`: a trained run in the files that viewers and other trainers read."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path

@@ -1,7 +1,5 @@
 """`desplat-reproduce`: a table of the paper, trained and scored here, with the paper's beside."""
 
-from __future__ import annotations
-
 import os
 from dataclasses import dataclass
 from functools import partial

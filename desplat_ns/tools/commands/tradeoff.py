@@ -1,7 +1,5 @@
 """`desplat-tradeoff`: what accuracy costs in time on a capture, measured on this machine."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path

@@ -1,7 +1,5 @@
 """From a run to its files: loads it, gathers, writes, says what was written."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from contextlib import nullcontext
 from typing import Any

@@ -4,8 +4,6 @@ To add one, write a function from a `SplatCloud` to the file's bytes and enter i
 `export.WRITERS`; what reads it back in a test must share no code with it.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Literal
 

@@ -4,8 +4,6 @@ Source: glTF 2.0 and the extension KHR_gaussian_splatting, as ratified: linear s
 after the sigmoid, quaternions xyzw, +Y up. Letters in shapes: N Gaussians.
 """
 
-from __future__ import annotations
-
 import json
 import struct
 from collections.abc import Iterator

@@ -3,8 +3,6 @@
 Letters in shapes: N Gaussians, K spherical-harmonics bases.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 
@@ -65,7 +63,7 @@ class SplatCloud:
         """Of the harmonics: K = (degree + 1)^2."""
         return math.isqrt(self.harmonics.shape[1]) - 1
 
-    def rows(self, chosen: Bool[np.ndarray, " N"]) -> SplatCloud:
+    def rows(self, chosen: Bool[np.ndarray, " N"]) -> "SplatCloud":
         """The chosen Gaussians only."""
         arrays = {n: v for n, v in vars(self).items() if isinstance(v, np.ndarray)}
         return replace(self, **{name: values[chosen] for name, values in arrays.items()})

@@ -5,8 +5,6 @@ because the packages that PyPI has fix the positions' precision, or drop the mar
 training. Letters in shapes: N Gaussians, K spherical-harmonics bases.
 """
 
-from __future__ import annotations
-
 import gzip
 import math
 import struct

@@ -11,8 +11,6 @@ as their differences from the nearest of a few words, which are learned from the
 Letters in shapes: N photos, D numbers of a descriptor.
 """
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass

@@ -1,8 +1,6 @@
 """`desplat-reproduce`: every method on every scene of a table with every seed, and the table in
 files: means over seeds, the paper's figures beside them, and the conditions."""
 
-from __future__ import annotations
-
 import json
 import math
 import re

@@ -1,8 +1,6 @@
 """Runs: a method with options, trained and scored in a process of its own on one thread. Those
 without a record are done and recorded, on this machine or on a Ray cluster."""
 
-from __future__ import annotations
-
 import json
 import os
 import shlex

@@ -1,8 +1,6 @@
 """`desplat-tradeoff`: what accuracy costs in time on a capture. Which runs fit into the time is
 planned, then they are done. Ended at any time, a study goes on where it was."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace

@@ -1,7 +1,5 @@
 """desplat-export on a tiny run: files are whole; mistakes are told at once and leave nothing."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 from typing import Any

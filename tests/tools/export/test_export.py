@@ -1,7 +1,5 @@
 """Files of a run lie where the capture's own cameras look; a crop keeps what is near to them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import partial
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What a file holds of a model is what the model shows, also in other coordinates."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What hand-made numbers decide: pairs, cameras, frames, reasons."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

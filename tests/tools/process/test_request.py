@@ -1,7 +1,5 @@
 """What may be processed: photos of a folder, one video, numbers in their range."""
 
-from __future__ import annotations
-
 import os
 import sys
 from pathlib import Path

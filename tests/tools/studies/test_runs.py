@@ -1,8 +1,6 @@
 """A run is trained and scored in a process of its own; runs without a record are done and
 recorded, wherever that is."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 
