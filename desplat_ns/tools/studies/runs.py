@@ -1,5 +1,5 @@
 """Runs: a method with options, trained and scored in a process of its own on one thread. Those
-without a record are done and recorded, on this machine or on a Ray cluster."""
+without a record are done and recorded."""
 
 import json
 import os
@@ -8,12 +8,11 @@ import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 from desplat_ns.core.console import announce
 from desplat_ns.core.errors import CaptureError, DeSplatError
@@ -28,8 +27,6 @@ QUIET += ("--steps-per-eval-image", "0", "--steps-per-eval-all-images", "0")
 PROGRAM = "desplat_ns.tools.studies.train_and_score"
 RESULTS, LOG, PICTURES = "results.json", "run.log", "pictures"
 """In the folder of a run; pictures are the held-out photos with the renderings beside them."""
-RAY = "RAY_ADDRESS"
-"""Environment variable: Ray's own, of a cluster; without it Ray is started here."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +42,7 @@ class Run:
     steps: int
     seed: int
     data: Path
-    """The capture's folder: in the same place on every machine that trains."""
+    """The capture's folder."""
     parser: tuple[str, ...] = ()
     """The data parser's name and options; empty for the method's own."""
     capture: str = ""
@@ -91,7 +88,7 @@ def execute(run: Run, folder: Path, train: Train = in_own_process) -> Record:
     """Train and score a run. Its log, pictures and results stay in a folder of its name, instead of
     an earlier run's; checkpoints are removed. Raises DeSplatError where that failed."""
     if not run.data.exists():
-        raise CaptureError(f"There is no {run.data}. Each machine needs the capture in one place.")
+        raise CaptureError(f"There is no {run.data}, the capture of {run.name}.")
     place = folder / run.name
     shutil.rmtree(place, ignore_errors=True)
     place.mkdir(parents=True)
@@ -111,9 +108,8 @@ def execute(run: Run, folder: Path, train: Train = in_own_process) -> Record:
 
 @dataclass(frozen=True)
 class Executor:
-    """Where runs are done."""
+    """What does runs."""
 
-    name: Literal["local", "ray"] = "local"
     jobs: int = 1
     """Runs beside each other."""
     do: Do = execute
@@ -127,8 +123,7 @@ class Executor:
         left: Callable[[], str] = str,
     ) -> dict[str, str]:
         """Do all runs that have no record, in a folder, record each as it ends, and say so; why
-        some failed, by name. Raises ConfigError where records cannot be written, DeSplatError where
-        Ray is not installed.
+        some failed, by name. Raises ConfigError where records cannot be written.
 
         Args:
             runs: the next is asked for when there is a place for it.
@@ -139,10 +134,10 @@ class Executor:
         coming = (run for run in runs if run.key not in records)
         pending: dict[Future[Record], Run] = {}
         folder.mkdir(parents=True, exist_ok=True)
-        with self._places() as (places, do), ThreadPoolExecutor(places) as pool:
+        with ThreadPoolExecutor(self.jobs) as pool:
             while True:
-                while len(pending) < places and (run := next(coming, None)) is not None:
-                    pending[pool.submit(do, run, folder)] = run
+                while len(pending) < self.jobs and (run := next(coming, None)) is not None:
+                    pending[pool.submit(self.do, run, folder)] = run
                 if not pending:
                     return failed
                 for future in wait(pending, return_when=FIRST_COMPLETED).done:
@@ -157,26 +152,3 @@ class Executor:
                         save(file, records.values())
                         score = f"{record.scores['psnr']:.2f} dB after {record.seconds:.0f} s"
                         announce(f"{run.name}: {score}. {left()}")
-
-    @contextmanager
-    def _places(self) -> Iterator[tuple[int, Do]]:
-        """How many runs are done beside each other, and what does one."""
-        if self.name == "local":
-            yield self.jobs, self.do
-            return
-        try:
-            import ray  # pyright: ignore[reportMissingImports]
-        except ImportError as error:
-            raise DeSplatError(
-                "--executor ray needs Ray. Type: pip install 'desplat-ns[ray]'."
-            ) from error
-        here: dict[str, Any] = {"num_cpus": self.jobs, "include_dashboard": False}
-        options = {} if RAY in os.environ else here
-        ray.init(log_to_driver=False, **options)
-        try:
-            resources = ray.cluster_resources()
-            gpus, cores = (int(resources.get(name, 0)) for name in ("GPU", "CPU"))
-            task = ray.remote(num_cpus=1, num_gpus=min(1, gpus))(self.do)
-            yield max(1, gpus or cores), lambda run, at: ray.get(task.remote(run, at.resolve()))
-        finally:
-            ray.shutdown()

@@ -1,7 +1,6 @@
 """A run is trained and scored in a process of its own; runs without a record are done and
 recorded, wherever that is."""
 
-import sys
 from pathlib import Path
 
 import pytest
@@ -113,9 +112,3 @@ def test_the_next_run_is_asked_for_when_there_is_a_place_for_it(tmp_path: Path):
 
     Executor(do=do).finish(coming(), {}, tmp_path / FILE, tmp_path)
     assert events == [(what, seed) for seed in range(4) for what in ("asked", "done")]
-
-
-def test_a_study_without_ray_says_what_to_install(monkeypatch, tmp_path: Path):
-    monkeypatch.setitem(sys.modules, "ray", None)
-    with pytest.raises(DeSplatError, match="pip install"):
-        Executor("ray").finish(RUNS, {}, tmp_path / FILE, tmp_path)
