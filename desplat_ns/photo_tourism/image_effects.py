@@ -48,11 +48,7 @@ class ImageEffects(nn.Module):
     """
 
     def __init__(
-        self,
-        effects: Effects,
-        appearance: AppearanceConfig,
-        num_images: int,
-        sh_degree: int,
+        self, effects: Effects, appearance: AppearanceConfig, num_images: int, sh_degree: int
     ):
         """Build what `effects` asks for; `sh_degree` is of the static Gaussians. Raises ConfigError
         for sizes that no model can have."""

@@ -139,15 +139,6 @@ def test_the_light_of_a_photo_is_found_again(model, pixels, monkeypatch):
     assert scored["psnr"] > scored["psnr_before"] + 6
 
 
-def test_images_do_not_influence_each_other(model):
-    photos = [photo_in_the_light_of(model, view) for view in (0, 2)]
-    together, alone = by_left_half(model, SHORT), by_left_half(model, SHORT)
-    together.score(held_out(), {"image": photos[0]})
-    _, after = together.score(held_out(), {"image": photos[1]})
-    _, first = alone.score(held_out(), {"image": photos[1]})
-    assert torch.equal(after, first)
-
-
 def test_figures_are_the_right_halfs(model, monkeypatch):
     """A photo that is right on the left and wrong on the right scores as wrong."""
     photo = photo_in_the_light_of(model, 1)
