@@ -23,7 +23,6 @@ class RunFiles:
 
     @property
     def folder(self) -> Path:
-        """The run's folder."""
         return self.config.parent
 
 

@@ -302,7 +302,6 @@ def _open_oiio(path: Path) -> _Opened:
 
 
 def _open_heif(path: Path) -> _Opened:
-    """HEIC or AVIF."""
     try:
         if _kind(path) == "HEIC":
             import pillow_heif

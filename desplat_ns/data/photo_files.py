@@ -19,7 +19,6 @@ _FOLDERS: set[Path] = set()
 
 
 def is_photo(path: Path) -> bool:
-    """Whether a file is a photo, by its name."""
     return path.suffix.lower() in PHOTO_SUFFIXES and not path.name.startswith(".")
 
 

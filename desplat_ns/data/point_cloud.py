@@ -38,7 +38,6 @@ NO_POINTS = Points(np.zeros((0, 3)), np.zeros((0, 3), np.uint8), np.zeros(0, np.
 
 
 def points_of(model: "pycolmap.Reconstruction") -> Points:
-    """The points of a model."""
     by_id = dict(sorted(model.points3D.items()))
     return Points(
         xyz=np.array([point.xyz for point in by_id.values()], dtype=np.float64).reshape(-1, 3),

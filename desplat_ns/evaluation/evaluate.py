@@ -107,7 +107,6 @@ class Scorer:
         return time.perf_counter()
 
     def _figures(self, outputs: dict[str, Tensor], batch: dict[str, Any]) -> dict[str, float]:
-        """Of the region."""
         if self.region == "right half":
             outputs = {name: right_half(outputs[name]) for name in ("rgb", "background")}
             batch = {**batch, "image": right_half(batch["image"])}

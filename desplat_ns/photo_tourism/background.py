@@ -75,7 +75,6 @@ class SharedBackground(nn.Module):
         self.coefficients = nn.Parameter(torch.zeros((degree + 1) ** 2, 3))
 
     def param_groups(self) -> dict[str, list[nn.Parameter]]:
-        """An optimizer group by name."""
         return {"background_coefficients": [self.coefficients]}
 
 

@@ -47,7 +47,7 @@ class DeSplatDataManagerConfig(FullImageDatamanagerConfig):
     """Full photos, kept as 8 bit."""
 
     _target: type = field(default_factory=lambda: DeSplatDataManager)
-    dataparser: "AnyDataParser" = field(default_factory=DeSplatDataParserConfig)
+    dataparser: AnyDataParser = field(default_factory=DeSplatDataParserConfig)
     cache_images_type: Annotated[Literal["uint8"], tyro.conf.Suppress] = "uint8"
     """Photos have 8 bits; nerfstudio's float32 would take four times the memory."""
     photo_memory: float | None = ranged(None, "(0, inf)")

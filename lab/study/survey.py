@@ -108,7 +108,6 @@ class Surveyed:
 
 
 def surveyed(kind: str, name: str, right: Allowed, capture: DataparserOutputs) -> Surveyed:
-    """Survey a capture."""
     began = time.process_time()
     findings, _ = survey(capture)
     return Surveyed(kind, name, right, findings.decisions(), time.process_time() - began)
@@ -183,7 +182,6 @@ def confusion(results: Sequence[Surveyed], effect: str) -> str:
 
 
 def rows(results: Sequence[Surveyed]) -> str:
-    """A row for each capture."""
     body = (
         [r.name, *(str(r.decisions[e]) for e in EFFECTS), f"{r.seconds:.1f}", ", ".join(r.wrong)]
         for r in results
@@ -192,7 +190,6 @@ def rows(results: Sequence[Surveyed]) -> str:
 
 
 def main() -> None:
-    """Survey what is there, and write the tables."""
     parser_of("python -m lab.study.survey", __doc__).parse_args()
     FOLDER.mkdir(parents=True, exist_ok=True)
     text = page([*generated(FOLDER), *known(FOLDER)])

@@ -106,6 +106,5 @@ class Trainer:
         return {"outputs": outputs, "losses": losses, "step": drawn}
 
     def update(self) -> None:
-        """Let the optimizers step."""
         for optimizer in (*self.optimizers.values(), *self.model.view_optimizers().values()):
             optimizer.step()

@@ -118,7 +118,6 @@ def write_mask_of_the_mark(path: Path) -> Path:
 
 
 def make_yard() -> Yard:
-    """Draw the views."""
     frames = make_scene(VIEWS).clean
     centres = np.stack([frame.camera.position for frame in frames])
     middle = np.linalg.norm(centres[:, :2], axis=1).mean()

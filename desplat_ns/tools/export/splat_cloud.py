@@ -64,7 +64,6 @@ class SplatCloud:
         return math.isqrt(self.harmonics.shape[1]) - 1
 
     def rows(self, chosen: Bool[np.ndarray, " N"]) -> "SplatCloud":
-        """The chosen Gaussians only."""
         arrays = {n: v for n, v in vars(self).items() if isinstance(v, np.ndarray)}
         return replace(self, **{name: values[chosen] for name, values in arrays.items()})
 

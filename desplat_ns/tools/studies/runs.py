@@ -60,7 +60,6 @@ class Run:
 
     @property
     def key(self) -> Key:
-        """That of its record."""
         return self.method, shlex.join(self.given), self.capture or str(self.data), self.seed
 
 
