@@ -17,7 +17,6 @@ from pathlib import Path
 from nerfstudio.data.dataparsers.base_dataparser import DataparserOutputs
 
 from desplat_ns.core.errors import DeSplatError
-from desplat_ns.survey.findings import Decision
 from desplat_ns.survey.survey import survey
 from desplat_ns.tools.studies.machine import code_version, processor, short, today
 from desplat_ns.tools.studies.methods import splits_of
@@ -27,7 +26,7 @@ from lab.synthetic import DaylightSpec, OccluderSpec, SceneSpec, write_scene
 
 FOLDER = OUTPUTS / "survey"
 
-Allowed = Mapping[str, tuple[Decision, ...]]
+Allowed = Mapping[str, tuple[str, ...]]
 """Right decisions by effect; those of other effects are not judged."""
 
 EFFECTS: dict[str, tuple[str, ...]] = {
@@ -95,7 +94,7 @@ class Surveyed:
     kind: str
     name: str
     right: Allowed
-    decisions: Mapping[str, Decision]
+    decisions: Mapping[str, str]
     seconds: float
     """CPU time."""
 

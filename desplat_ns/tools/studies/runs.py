@@ -17,7 +17,7 @@ from typing import Any
 from desplat_ns.core.console import announce
 from desplat_ns.core.errors import CaptureError, DeSplatError
 from desplat_ns.tools.studies.machine import today
-from desplat_ns.tools.studies.records import Key, Record, save
+from desplat_ns.tools.studies.records import FILE, RUNS, Key, Record, save
 
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1", "OMP_WAIT_POLICY": "passive"}
 """So that runs beside each other disturb each other little: waiting threads sleep."""
@@ -117,19 +117,18 @@ class Executor:
         self,
         runs: Iterable[Run],
         records: dict[Key, Record],
-        file: Path,
-        folder: Path,
+        output: Path,
         left: Callable[[], str] = str,
     ) -> dict[str, str]:
-        """Do all runs that have no record, in a folder, record each as it ends, and say so; why
-        some failed, by name. Raises ConfigError where records cannot be written.
+        """Do all runs that have no record, record each as it ends, and say so; why some failed, by
+        name. Raises ConfigError where records cannot be written.
 
         Args:
             runs: the next is asked for when there is a place for it.
-            records: those in `file`; new ones are added.
+            records: those in the output folder; new ones are added.
             left: says after each run what is left.
         """
-        failed, folder = dict[str, str](), folder.resolve()
+        failed, folder = dict[str, str](), (output / RUNS).resolve()
         coming = (run for run in runs if run.key not in records)
         pending: dict[Future[Record], Run] = {}
         folder.mkdir(parents=True, exist_ok=True)
@@ -148,6 +147,6 @@ class Executor:
                         failed[run.name] = f"{kind}: {error}".removeprefix(": ")
                         announce(f"{run.name}: {failed[run.name]}", warning=True)
                     else:
-                        save(file, records.values())
+                        save(output / FILE, records.values())
                         score = f"{record.scores['psnr']:.2f} dB after {record.seconds:.0f} s"
                         announce(f"{run.name}: {score}. {left()}")
