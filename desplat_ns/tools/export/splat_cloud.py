@@ -22,7 +22,7 @@ from desplat_ns.photo_tourism.appearance import as_harmonics
 from desplat_ns.tools.export.formats import Axes, FrameName
 
 MAX_DEGREE = 3
-"""Of the spherical harmonics that PLY, SPZ and glTF readers take."""
+"""Of the spherical harmonics that readers of PLY and SPZ take."""
 TOO_WIDE = math.exp(MAX_LOG_SCALE) / 2
 """World units. Wider Gaussians are culled in every view."""
 OFF_BY = 1 / 32
@@ -74,7 +74,7 @@ class SplatCloud:
 
 
 def xyzw(quats: Float[np.ndarray, "N 4"]) -> Float[np.ndarray, "N 4"]:
-    """Quaternions wxyz in the order of glTF and SPZ."""
+    """Quaternions wxyz in the order of SPZ."""
     return np.roll(quats, -1, axis=1)
 
 
