@@ -4,8 +4,6 @@
 is in place, and what is imported before the hook goes unchecked.
 """
 
-from __future__ import annotations
-
 import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
@@ -125,7 +123,7 @@ def checkout() -> Path:
 
 
 @pytest.fixture(scope="session")
-def tiny_scene(tmp_path_factory: pytest.TempPathFactory) -> Scene:
+def tiny_scene(tmp_path_factory: pytest.TempPathFactory) -> "Scene":
     """A generated capture of six 48x32 views with known truth; shared: do not write into it."""
     from lab.synthetic import SceneSpec, write_scene
 
@@ -133,13 +131,13 @@ def tiny_scene(tmp_path_factory: pytest.TempPathFactory) -> Scene:
 
 
 @pytest.fixture(scope="session")
-def tiny_run(tiny_scene: Scene) -> Callable[[Path], TrainerConfig]:
+def tiny_run(tiny_scene: "Scene") -> "Callable[[Path], TrainerConfig]":
     """`ns-train desplat` on the tiny scene into a folder: 24 steps, a few refinements, no survey.
 
     With distractors from the first step on, as in the paper: 24 steps leave no time for a warm-up.
     """
 
-    def configure(output: Path) -> TrainerConfig:
+    def configure(output: Path) -> "TrainerConfig":
         from desplat_ns.core.effects import EffectsConfig
         from desplat_ns.distractors.config import DistractorConfig
         from tests.helpers.registered import registered_desplat
@@ -158,7 +156,7 @@ def tiny_run(tiny_scene: Scene) -> Callable[[Path], TrainerConfig]:
 
 @pytest.fixture(scope="session")
 def trained(
-    tiny_run: Callable[[Path], TrainerConfig], tmp_path_factory: pytest.TempPathFactory
+    tiny_run: "Callable[[Path], TrainerConfig]", tmp_path_factory: pytest.TempPathFactory
 ) -> Path:
     """config.yml of a run of `ns-train` on the tiny scene; shared: do not write beside it."""
     from nerfstudio.scripts import train

@@ -1,7 +1,5 @@
 """What the demo shows while commands work: a progress bar, and the end of the log if one fails."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import re

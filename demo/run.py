@@ -5,8 +5,6 @@
 Everything it leaves lies in demo/output; start with report.html or sheet.png.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import shutil

@@ -4,8 +4,6 @@ What is charged beside the images (poses, responses, scales, opacities of Gaussi
 `DeSplatModel.regularizers`.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import torch

@@ -3,8 +3,6 @@
 Source: alpha blending of premultiplied colours, c = c_front + (1 - alpha_front) c_behind.
 """
 
-from __future__ import annotations
-
 import torch
 import torch.nn.functional as F
 from jaxtyping import Float

@@ -3,8 +3,6 @@ and nothing else; `desplat` changes what `separating_distractors` lists, refines
 effects that a survey of the capture asks for; `desplat-phototourism` has those of tourists' photos.
 """
 
-from __future__ import annotations
-
 import torch
 from nerfstudio.configs.base_config import LocalWriterConfig, LoggingConfig, MachineConfig
 from nerfstudio.engine.schedulers import ExponentialDecaySchedulerConfig

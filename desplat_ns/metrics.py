@@ -2,8 +2,6 @@
 Splatfacto's, so that they compare: data range 1, SSIM by pytorch_msssim (11 x 11 Gaussian window),
 LPIPS by torchmetrics on AlexNet, or on VGG16 if that is asked for."""
 
-from __future__ import annotations
-
 import socket
 from pathlib import Path
 from typing import Any
@@ -59,7 +57,7 @@ def mean_alpha_outside(
 
 
 def image_metrics(
-    pred: Float[Tensor, "H W 3"], truth: Float[Tensor, "H W 3"], lpips: LazyLpips | None = None
+    pred: Float[Tensor, "H W 3"], truth: Float[Tensor, "H W 3"], lpips: "LazyLpips | None" = None
 ) -> dict[str, float]:
     """`psnr`, `ssim` and, where its weights can be had, `lpips` of an image in [0, 1]. What is
     scored is what would be saved: `pred` is clamped to [0, 1] first."""

@@ -1,7 +1,5 @@
 """DeSplat as a nerfstudio model: a static scene, and distractors for each training view."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from contextlib import AbstractContextManager

@@ -1,7 +1,5 @@
 """The settings of a DeSplat model, and what they are in a run of a given length and capture."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field, replace
 from importlib import import_module
@@ -94,7 +92,7 @@ class DeSplatModelConfig(SplatfactoModelConfig):
     distractors: DistractorConfig = field(default_factory=DistractorConfig)
     """Distractor Gaussians."""
 
-    def for_run(self, num_views: int) -> DeSplatModelConfig:
+    def for_run(self, num_views: int) -> "DeSplatModelConfig":
         """A copy for one run, its intervals as the number of training views wants them. Raises
         ConfigError where a setting lies outside its range."""
         check_ranges(self, "--pipeline.model")

@@ -4,8 +4,6 @@ Importing the package changes nothing: our run configuration, trainer, pipeline 
 what is here once a run of ours begins.
 """
 
-from __future__ import annotations
-
 import atexit
 import os
 import shutil

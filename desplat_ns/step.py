@@ -1,7 +1,5 @@
 """One training step as a value, from its images to what is remembered of it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 from jaxtyping import Bool, Float, UInt8

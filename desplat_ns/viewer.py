@@ -1,7 +1,5 @@
 """What the viewer shows: the static scene, or one training view's distractors with it."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 

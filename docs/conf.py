@@ -4,8 +4,6 @@ Pages are grouped by docs/README.md: each heading there is a group, each link be
 A page that no group names, a link that leads nowhere and a picture that is not there are errors.
 """
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -10,8 +10,6 @@ The page goes to docs/results/gpu.md. Without a CUDA device the CPU stands in wi
 shows that the parts run, and the page goes to outputs/gpu/.
 """
 
-from __future__ import annotations
-
 import copy
 import json
 import math

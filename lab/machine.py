@@ -1,7 +1,5 @@
 """The machine that something is measured on, in words. Nothing that names the machine itself."""
 
-from __future__ import annotations
-
 import platform
 from importlib.metadata import version
 

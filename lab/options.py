@@ -3,8 +3,6 @@
 python -m lab.options
 """
 
-from __future__ import annotations
-
 import ast
 import inspect
 import textwrap

@@ -6,8 +6,6 @@ KNOWN is a folder with a COLMAP model (cameras.bin, images.bin, points3D.bin) of
 names.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

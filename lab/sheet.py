@@ -1,7 +1,5 @@
 """A labelled sheet of pictures: one row for each view, one column for each kind of picture."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """`effects.auto`: a run looks at its capture first, and everything after knows what it decided."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from pathlib import Path

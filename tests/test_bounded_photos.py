@@ -1,7 +1,5 @@
 """Training where not all photos fit into memory: the same bits, and nothing trained is lost."""
 
-from __future__ import annotations
-
 import copy
 import dataclasses
 import shutil

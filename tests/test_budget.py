@@ -1,7 +1,5 @@
 """`ns-train desplat --budget`: the first steps plan it, the clock keeps it, nothing is lost."""
 
-from __future__ import annotations
-
 import dataclasses
 from types import SimpleNamespace
 from typing import Any

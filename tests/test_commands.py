@@ -1,7 +1,5 @@
 """nerfstudio's own commands on a tiny generated scene: trained once, then used in every way."""
 
-from __future__ import annotations
-
 import json
 import math
 import shutil
@@ -23,17 +21,8 @@ from desplat_ns.backend import resolve
 
 STEPS = 24
 NUM_TRAIN, NUM_TEST, SIZE = 6, 2, (48, 32)
-OUTPUTS = {
-    "rgb",
-    "rgb_static",
-    "rgb_composite",
-    "rgb_distractor",
-    "alpha_distractor",
-    "distractor_mask",
-    "depth",
-    "accumulation",
-    "background",
-}
+OUTPUTS = {"rgb", "rgb_static", "rgb_composite", "rgb_distractor", "alpha_distractor"}
+OUTPUTS |= {"distractor_mask", "depth", "accumulation", "background"}
 
 
 @pytest.fixture(scope="module")

@@ -1,7 +1,5 @@
 """The demo replaces nothing that it did not make, and shows why a command of it failed."""
 
-from __future__ import annotations
-
 import importlib
 from pathlib import Path
 from types import ModuleType

@@ -1,7 +1,5 @@
 """What the documents say can be done: commands are taken, and the shortest way is gone."""
 
-from __future__ import annotations
-
 import re
 import shlex
 import sys

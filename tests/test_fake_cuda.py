@@ -6,8 +6,6 @@ fake tensor cannot go on, and its backward pass asks for a driver: what is teste
 to there. tests/test_training_on_a_gpu.py does the whole.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """Whoever trains another method notices nothing: importing ours changes nothing."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 

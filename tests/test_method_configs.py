@@ -1,7 +1,5 @@
 """`desplat-paper` has Splatfacto's numbers where App. B.3 has no others."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

@@ -1,7 +1,5 @@
 """Metrics: hand-worked values, scikit-image as independent reference, LPIPS without weights."""
 
-from __future__ import annotations
-
 import json
 import math
 from typing import Any

@@ -1,7 +1,5 @@
 """Schedules of both sets are read at the clock of the run; what density control charges."""
 
-from __future__ import annotations
-
 import pytest
 import torch
 from nerfstudio.engine.optimizers import Optimizers

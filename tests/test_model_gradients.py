@@ -1,7 +1,5 @@
 """Which gradient reaches what: the background, the pose, and pixels that the user masked."""
 
-from __future__ import annotations
-
 import pytest
 import torch
 from nerfstudio.cameras.camera_optimizers import CameraOptimizerConfig

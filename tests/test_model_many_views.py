@@ -1,7 +1,5 @@
 """A step of a capture of thousands of photos is the step of one of a few."""
 
-from __future__ import annotations
-
 import sys
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What the user's mask leaves out moves nothing, by any term."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

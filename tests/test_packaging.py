@@ -1,7 +1,5 @@
 """What a user gets from `pip install desplat-ns`: the wheel, alone in a clean environment."""
 
-from __future__ import annotations
-
 import importlib.util
 import os
 import subprocess

@@ -1,7 +1,5 @@
 """Splatfacto's modules without a network and without CUDA: the same parameters, no LPIPS inside."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from enum import Enum

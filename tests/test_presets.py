@@ -1,7 +1,5 @@
 """A run is as long as the photos ask for, and config.yml says how long that is."""
 
-from __future__ import annotations
-
 import pytest
 import yaml
 from nerfstudio.configs.method_configs import all_methods

@@ -3,8 +3,6 @@
 The other tests that train by `ns-train` replace its distractors by the paper's.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
 from pathlib import Path

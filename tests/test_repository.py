@@ -1,7 +1,5 @@
 """What is tracked works anywhere: no paths of one machine, no download addresses, no data."""
 
-from __future__ import annotations
-
 import re
 import shutil
 import subprocess

@@ -1,7 +1,5 @@
 """A seed fixes a training run to the last bit on any number of threads, without matrix products."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """`desplat` as registered trains on a CUDA device; test_fake_cuda.py does what it can without."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

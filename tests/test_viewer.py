@@ -1,7 +1,5 @@
 """The viewer: its layers, each what it says and off in evaluations."""
 
-from __future__ import annotations
-
 from nerfstudio.viewer.utils import parse_object
 from nerfstudio.viewer.viewer_elements import ViewerElement
 from torch import nn

@@ -1,7 +1,5 @@
 """`ns-viewer` on a tiny generated scene, with a stand-in for the browser."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,7 +1,5 @@
 """How much of an image each Gaussian makes up."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import torch

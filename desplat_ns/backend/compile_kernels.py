@@ -7,8 +7,6 @@ What is compiled already is left as it is. Without this, the first run that need
 compiled. Where no GPU is seen, TORCH_CUDA_ARCH_LIST names the one that gsplat's are compiled for.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import sys

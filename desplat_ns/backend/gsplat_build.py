@@ -2,8 +2,6 @@
 version of torch and kind of GPU. It looks for nvcc on PATH alone, and a process that begins throws
 away what another one has compiled. Here nvcc is found, and one process compiles at a time."""
 
-from __future__ import annotations
-
 import importlib
 import importlib.util
 import os

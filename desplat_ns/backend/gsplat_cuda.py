@@ -4,8 +4,6 @@ Departs from the exact backends in one thing: gsplat cuts every Gaussian off at 
 sigma, where an opaque one still has an alpha of 0.011. `gsplat_build` has its kernels compiled.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import torch

@@ -1,7 +1,5 @@
 """What a backend checks before it draws: shapes, the camera, and Gaussians that make no sense."""
 
-from __future__ import annotations
-
 import math
 
 import torch

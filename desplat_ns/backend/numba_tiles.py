@@ -10,8 +10,6 @@ gives the same bits for any number of threads (`numba.set_num_threads`, or the e
 NUMBA_NUM_THREADS).
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import TypeVar
 

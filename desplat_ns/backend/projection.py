@@ -7,8 +7,6 @@ Culled Gaussians are replaced, before anything is divided or normalized, by a ha
 of the camera. Masking the results would be too late: 0 * inf in the backward pass is NaN.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -5,8 +5,6 @@ Conventions are gsplat's: EWA splatting, pixel centres at +0.5, OpenCV camera ax
 (x right, y down, z forward), quaternions wxyz.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import Protocol, runtime_checkable
 
@@ -31,7 +29,7 @@ class Splats:
     """Degree to evaluate, (sh_degree + 1)^2 <= K; the evaluated colour is max(SH + 1/2, 0),
     with the gradient of `projection.cut_at_zero`."""
 
-    def rows(self, chosen: Bool[Tensor, " N"] | Int[Tensor, " M"]) -> Splats:
+    def rows(self, chosen: Bool[Tensor, " N"] | Int[Tensor, " M"]) -> "Splats":
         """Some of them."""
         names = ("means", "quats", "scales", "opacities", "colors")
         return replace(self, **{name: getattr(self, name)[chosen] for name in names})

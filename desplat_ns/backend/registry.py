@@ -1,7 +1,5 @@
 """Which rasterizers there are, which of them can run here, and which one `auto` means."""
 
-from __future__ import annotations
-
 import importlib
 import time
 from typing import Literal, get_args

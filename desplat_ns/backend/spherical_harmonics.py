@@ -3,8 +3,6 @@
 Coefficients are ordered (degree, order) with order from -degree to +degree: K = (degree + 1)^2.
 """
 
-from __future__ import annotations
-
 import math
 
 import torch

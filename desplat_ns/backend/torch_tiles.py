@@ -15,8 +15,6 @@ so that the memory needed is that of one tile.
 Letters in shapes, besides the protocol's: S Gaussians of a tile, P pixels of a tile, F features.
 """
 
-from __future__ import annotations
-
 import torch
 from jaxtyping import Float, Int
 from torch import Tensor

@@ -11,8 +11,6 @@ eigenvalues 1 and 1 + |t|^2. Everything is compared after it was multiplied by z
 divided.
 """
 
-from __future__ import annotations
-
 import math
 
 import torch

@@ -1,8 +1,6 @@
 """How far from a camera the scene starts, by the reconstruction's points; nearer than a share of
 that, a rendering shows nothing: what hangs there contradicts no photo."""
 
-from __future__ import annotations
-
 import math
 
 import torch

@@ -1,8 +1,6 @@
 """What two views have to do with each other: who looks at the same points, and from how far apart;
 where a plane before one is seen by the other. Letters in shapes: V views, P points."""
 
-from __future__ import annotations
-
 import numpy as np
 from jaxtyping import Bool, Float, Int, Num
 

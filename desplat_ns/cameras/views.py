@@ -1,7 +1,5 @@
 """From nerfstudio's cameras to the view that a rasterizer takes."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import cv2

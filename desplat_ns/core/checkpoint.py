@@ -3,8 +3,6 @@
 The files are nerfstudio's (`step-000000299.ckpt`): `ns-eval` and the other commands read them.
 """
 
-from __future__ import annotations
-
 import pickle
 import re
 import zipfile

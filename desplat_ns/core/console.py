@@ -1,7 +1,5 @@
 """What is said on the console: lines, lists of names, progress bars."""
 
-from __future__ import annotations
-
 import os
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence

@@ -1,7 +1,5 @@
 """What of the machine this process may use: cores and memory."""
 
-from __future__ import annotations
-
 import os
 from contextlib import suppress
 from functools import cache

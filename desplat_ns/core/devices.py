@@ -1,7 +1,5 @@
 """Between the host and the device: copies that wait once, or not at all."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Which effects a scene calls for. One that is off has no parameters and costs nothing."""
 
-from __future__ import annotations
-
 from dataclasses import asdict, dataclass, fields
 from typing import Any, Literal
 
@@ -77,7 +75,7 @@ class EffectsConfig:
             )
         return Effects(**self._given())
 
-    def decided(self, surveyed: Effects) -> EffectsConfig:
+    def decided(self, surveyed: Effects) -> "EffectsConfig":
         """A copy in which `surveyed` stands for what is not given."""
         return EffectsConfig(**asdict(surveyed) | self._given())
 

@@ -1,7 +1,5 @@
 """What a user can get wrong. Each error says what was found, what was needed and what to type."""
 
-from __future__ import annotations
-
 import sys
 import warnings
 from types import TracebackType

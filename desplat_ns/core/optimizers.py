@@ -1,7 +1,5 @@
 """The optimizers of a run: nerfstudio's, with rates that follow the run's schedule."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from copy import copy

@@ -1,7 +1,5 @@
 """What options may be: intervals of numbers, and names. NaN and infinity are in no interval."""
 
-from __future__ import annotations
-
 from dataclasses import field, fields
 from typing import Any, Literal
 

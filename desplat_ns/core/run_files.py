@@ -1,7 +1,5 @@
 """The files of a trained run, found without importing torch: mistakes are told at once."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -25,7 +23,6 @@ class RunFiles:
 
     @property
     def folder(self) -> Path:
-        """The run's folder."""
         return self.config.parent
 
 

@@ -5,8 +5,6 @@ step of a run of the method's own length. A shorter run goes through the same no
 steps of its own; their ratio is the scale, in (0, 1]. The two kinds of steps have types.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from typing import NewType

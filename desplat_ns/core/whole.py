@@ -1,8 +1,6 @@
 """Files that appear whole or not at all: written beside their place, put there when complete. And
 folders in which one process works at a time."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import tempfile

@@ -3,8 +3,6 @@
 Letters in shapes: n photos, P points.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 from functools import cached_property

@@ -1,7 +1,5 @@
 """Folders of COLMAP models, text or binary: found, checked, and read with pycolmap."""
 
-from __future__ import annotations
-
 import shutil
 import struct
 from pathlib import Path
@@ -56,7 +54,7 @@ def state_of(folder: Path) -> tuple[tuple[str, int, int, int], ...]:
     return tuple((name, s.st_mtime_ns, s.st_size, s.st_ino) for name, s in files)
 
 
-def read_model(folder: Path) -> pycolmap.Reconstruction:
+def read_model(folder: Path) -> "pycolmap.Reconstruction":
     """The whole model, without points that stand in a PLY. Raises CaptureError where files are
     damaged or missing."""
     import pycolmap  # a quarter of a second: not for `--help`
@@ -82,7 +80,7 @@ def read_model(folder: Path) -> pycolmap.Reconstruction:
         ) from error
 
 
-def _without_points(folder: Path, kind: str) -> pycolmap.Reconstruction:
+def _without_points(folder: Path, kind: str) -> "pycolmap.Reconstruction":
     """A model whose points stand elsewhere; no photo observes them."""
     import pycolmap
 

@@ -3,8 +3,6 @@
 Letters in shapes: H x W pixels, C channels (3 or 4).
 """
 
-from __future__ import annotations
-
 from copy import deepcopy
 from pathlib import Path
 from typing import Any, Literal

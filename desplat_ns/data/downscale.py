@@ -1,7 +1,5 @@
 """At which size photos are used: reduced copies where they are there, else reduced on reading."""
 
-from __future__ import annotations
-
 import math
 import os
 from collections.abc import Sequence

@@ -3,8 +3,6 @@
 Evaluation compares the model's masks with them; training never sees them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

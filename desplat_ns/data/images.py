@@ -6,8 +6,6 @@ are in docs/reference/data.md.
 Letters in shapes: H x W pixels, C channels.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Callable
@@ -304,7 +302,6 @@ def _open_oiio(path: Path) -> _Opened:
 
 
 def _open_heif(path: Path) -> _Opened:
-    """HEIC or AVIF."""
     try:
         if _kind(path) == "HEIC":
             import pillow_heif

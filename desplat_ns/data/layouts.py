@@ -4,8 +4,6 @@
 To add a layout, write what finds it and enter it in `LAYOUTS`, before those that are less specific.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import partial
@@ -66,7 +64,7 @@ class Recognition:
     """What lies there, as part of a sentence."""
     options: Mapping[str, Any]
     """Options of the dataparser that it calls for."""
-    others: tuple[Recognition, ...] = ()
+    others: "tuple[Recognition, ...]" = ()
     """Other readings that see other poses."""
 
     @property

@@ -7,8 +7,6 @@ Ren et al., CVPR 2024. Its undistorted copy by the authors of WildGaussians has 
 test_list.txt instead, with file names.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """This package's data parsers by name, and the one that reads a capture."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from nerfstudio.data.dataparsers.base_dataparser import DataParserConfig

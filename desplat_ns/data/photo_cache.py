@@ -1,8 +1,6 @@
 """Decoded photos, of which a bounded number is held at a time; nerfstudio 1.1.5 holds all of them:
 1,000 photos of 12 megapixels are 36 GB."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor

@@ -1,7 +1,5 @@
 """Which files of a folder are photos, and files that must exist."""
 
-from __future__ import annotations
-
 import os
 import re
 from collections import Counter
@@ -21,7 +19,6 @@ _FOLDERS: set[Path] = set()
 
 
 def is_photo(path: Path) -> bool:
-    """Whether a file is a photo, by its name."""
     return path.suffix.lower() in PHOTO_SUFFIXES and not path.name.startswith(".")
 
 

@@ -1,7 +1,5 @@
 """Photo Tourism scenes: COLMAP's undistorted photos and NeRF-W's split."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path

@@ -3,8 +3,6 @@
 Letters in shapes: P points, D distinct ones.
 """
 
-from __future__ import annotations
-
 import io
 from dataclasses import dataclass
 from pathlib import Path
@@ -39,8 +37,7 @@ class Points:
 NO_POINTS = Points(np.zeros((0, 3)), np.zeros((0, 3), np.uint8), np.zeros(0, np.int64))
 
 
-def points_of(model: pycolmap.Reconstruction) -> Points:
-    """The points of a model."""
+def points_of(model: "pycolmap.Reconstruction") -> Points:
     by_id = dict(sorted(model.points3D.items()))
     return Points(
         xyz=np.array([point.xyz for point in by_id.values()], dtype=np.float64).reshape(-1, 3),

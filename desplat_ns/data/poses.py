@@ -3,8 +3,6 @@
 Letters in shapes: n photos.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any

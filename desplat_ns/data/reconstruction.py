@@ -4,8 +4,6 @@ read into it.
 Letters in shapes: P points, M observations.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -146,7 +144,7 @@ def _largest(folders: tuple[Path, ...], _states: tuple[Any, ...]) -> Reconstruct
     return Reconstruction(folder, frames, points, has_tracks)
 
 
-def _frame(image: pycolmap.Image, folder: Path) -> Frame:
+def _frame(image: "pycolmap.Image", folder: Path) -> Frame:
     camera = image.camera
     assert camera is not None, "pycolmap links every image to its camera"
     try:
@@ -202,7 +200,7 @@ def check_frame(frame: Frame, source: Path) -> None:
         )
 
 
-def _intrinsics(camera: pycolmap.Camera) -> dict[str, float]:
+def _intrinsics(camera: "pycolmap.Camera") -> dict[str, float]:
     """COLMAP's parameters by name; f stands for fx and fy, k for k1."""
     names = [name.strip() for name in camera.params_info.split(",")]
     values = dict(zip(names, (float(value) for value in camera.params), strict=True))

@@ -5,8 +5,6 @@ The file name says what a photo shows: `clean` (the scene alone), `clutter` (wit
 viewpoint. Folders do not count. A training photo whose name says nothing is taken for cluttered.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field

@@ -5,8 +5,6 @@ reconstruction, empty where it is not in it), `split` (train or test) and `datas
 Source: NeRF in the Wild, Martin-Brualla et al., CVPR 2021; the split files of its project page.
 """
 
-from __future__ import annotations
-
 import csv
 from collections.abc import Sequence
 from contextlib import suppress

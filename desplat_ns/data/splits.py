@@ -1,8 +1,6 @@
 """Which photos of a capture train and which are held out: whatever says so, a file, the photos'
 names or a draw, gives `Lists`; `listed_photos` finds them among the photos that have a pose."""
 
-from __future__ import annotations
-
 import os
 import random
 from collections.abc import Iterable, Mapping, Sequence

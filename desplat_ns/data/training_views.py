@@ -1,7 +1,5 @@
 """Which training view is this: its number, its name."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Sequence
 from pathlib import Path

@@ -3,8 +3,6 @@
 Letters in shapes: n photos.
 """
 
-from __future__ import annotations
-
 import json
 import math
 from dataclasses import replace

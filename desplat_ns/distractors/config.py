@@ -3,8 +3,6 @@
 Steps are nominal, of a run of the method's own length, but for `SHAPING_STEPS`.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Literal
 

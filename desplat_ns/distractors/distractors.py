@@ -1,8 +1,6 @@
 """The distractors of all training views, and what a training step does with them: draw, look, and,
 if it was finite, remember and commit."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any

@@ -6,8 +6,6 @@ What is added here decides: distractors start only where a photo shows what the 
 are removed where it does not, and the static scene has to fit by itself all pixels that they leave.
 """
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 import torch

@@ -4,8 +4,6 @@ It differs from that of the static scene (`strategy.py`): there is a set for eac
 is never reset (App. A).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The distractor Gaussians of one training view, seen in that view alone."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from typing import Any

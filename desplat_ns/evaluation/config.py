@@ -1,7 +1,5 @@
 """How images are scored: the options of ns-eval and desplat-eval."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal

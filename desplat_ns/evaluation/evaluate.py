@@ -1,7 +1,5 @@
 """Images scored, in a light and on a region: what `ns-eval` writes and TensorBoard plots."""
 
-from __future__ import annotations
-
 import math
 import platform
 import statistics
@@ -53,7 +51,7 @@ class Scorer:
     None: it is the training images' average."""
 
     @classmethod
-    def of(cls, model: DeSplatModel, config: EvaluationConfig) -> Scorer:
+    def of(cls, model: DeSplatModel, config: EvaluationConfig) -> "Scorer":
         """The scorer that the options ask for. Raises ConfigError where halves are asked for, but
         images have no embedding, or where steps or rate are out of range."""
         check_ranges(config, "-")
@@ -109,7 +107,6 @@ class Scorer:
         return time.perf_counter()
 
     def _figures(self, outputs: dict[str, Tensor], batch: dict[str, Any]) -> dict[str, float]:
-        """Of the region."""
         if self.region == "right half":
             outputs = {name: right_half(outputs[name]) for name in ("rgb", "background")}
             batch = {**batch, "image": right_half(batch["image"])}

@@ -3,8 +3,6 @@
 What the right half shows never reaches the embedding: the fit is given the left columns only.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 

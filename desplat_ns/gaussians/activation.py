@@ -1,7 +1,5 @@
 """Activates raw parameters, which optimizers change, into the splats that a rasterizer takes."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import torch

@@ -4,8 +4,6 @@ An interval between refinements is no schedule but a sample, which must not shri
 of a run (docs/explain/separation.md, "How often Gaussians are refined").
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any

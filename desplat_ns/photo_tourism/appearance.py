@@ -4,8 +4,6 @@ Both networks read the image's embedding and features of each Gaussian, and leav
 is at the start. Letters in shapes: N Gaussians, K bases, E and Z numbers per embedding.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace

@@ -1,8 +1,6 @@
 """What lies behind all Gaussians: one colour, or spherical harmonics that all images share or that
 depend on the image (Eq. 8-11)."""
 
-from __future__ import annotations
-
 import torch
 import torch.nn.functional as F
 from jaxtyping import Float
@@ -77,7 +75,6 @@ class SharedBackground(nn.Module):
         self.coefficients = nn.Parameter(torch.zeros((degree + 1) ** 2, 3))
 
     def param_groups(self) -> dict[str, list[nn.Parameter]]:
-        """An optimizer group by name."""
         return {"background_coefficients": [self.coefficients]}
 
 

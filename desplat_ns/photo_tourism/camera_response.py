@@ -5,8 +5,6 @@ applied to the finished picture of the static scene. Distractors lie in front of
 colours. Letters in shapes: H x W pixels, P pixels in a list, V photos.
 """
 
-from __future__ import annotations
-
 import math
 
 import torch

@@ -1,7 +1,5 @@
 """Settings of the per-image appearance."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from desplat_ns.core.options import ranged

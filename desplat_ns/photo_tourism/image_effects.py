@@ -1,7 +1,5 @@
 """The per-image effects that are on, together: the light of each image, appearance, background."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import torch
@@ -50,11 +48,7 @@ class ImageEffects(nn.Module):
     """
 
     def __init__(
-        self,
-        effects: Effects,
-        appearance: AppearanceConfig,
-        num_images: int,
-        sh_degree: int,
+        self, effects: Effects, appearance: AppearanceConfig, num_images: int, sh_degree: int
     ):
         """Build what `effects` asks for; `sh_degree` is of the static Gaussians. Raises ConfigError
         for sizes that no model can have."""

@@ -1,8 +1,6 @@
 """Which training photo's light is shown outside of training: in the viewer, in ns-render, and in
 what ns-export writes."""
 
-from __future__ import annotations
-
 import math
 import os
 from collections.abc import Iterator, Sequence

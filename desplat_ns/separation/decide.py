@@ -5,8 +5,6 @@ are, if other photos do not explain it, and if it does not show the scene's own 
 light. The outline of a region is drawn along the edges of the photo.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -3,8 +3,6 @@
 On a CPU OpenCV takes the means, on a GPU torch does.
 """
 
-from __future__ import annotations
-
 import math
 from functools import lru_cache
 

@@ -6,8 +6,6 @@ in fewer than half of its views does not move; that is expected there. Residuals
 view's own level, since exposure, progress and resets move all cells alike.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass

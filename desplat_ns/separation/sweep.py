@@ -6,8 +6,6 @@ with this photo at any depth, something may be in the way. If hardly anybody els
 knows. Letters in shapes: V views, P points.
 """
 
-from __future__ import annotations
-
 import threading
 import time
 import weakref

@@ -4,14 +4,12 @@ neighbours do not show the same of a point, something is in the way, which is no
 Letters in shapes: V photos, P points, M pairs of patches, S samples of a patch.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from desplat_ns.survey.findings import Confidence, Decision, Figure, Finding, confidence_of
+from desplat_ns.survey.findings import Confidence, Figure, Finding, confidence_of
 from desplat_ns.survey.observations import Observations
 from desplat_ns.survey.photo_light import FEWEST, PhotoLight, from_middle, robust_spread
 
@@ -126,7 +124,7 @@ def appearance_finding(
 
 def _decided(
     median: Figure, top: Figure, local: Figure, explained: Figure
-) -> tuple[Decision, Confidence, str]:
+) -> tuple[str, Confidence, str]:
     """What the figures call for, how sure that is, and why."""
     sure = confidence_of([median, local])
     as_a_whole = f"half of the photos are off by {median.value:.1%} or more as a whole"

@@ -7,8 +7,6 @@ everything else looks the same.
 Letters in shapes: V photos, R x C cells of one photo, K sky cells of all photos.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -16,7 +14,7 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from desplat_ns.survey.findings import Confidence, Decision, Figure, Finding, confidence_of
+from desplat_ns.survey.findings import Confidence, Figure, Finding, confidence_of
 from desplat_ns.survey.observations import Observations, View
 from desplat_ns.survey.photo_light import FEWEST, LOWEST, PhotoLight, from_middle
 
@@ -220,9 +218,7 @@ def background_finding(
     return Finding("background", decision, sure, reason, (share, by_photo, by_direction))
 
 
-def _decided(
-    share: Figure, by_photo: Figure, by_direction: Figure
-) -> tuple[Decision, Confidence, str]:
+def _decided(share: Figure, by_photo: Figure, by_direction: Figure) -> tuple[str, Confidence, str]:
     """What the figures call for, how sure that is, and why."""
     if not share.is_above:
         reason = f"The scene fills the photos: {share.value:.1%} of their area may be sky ("

@@ -1,7 +1,5 @@
 """What the survey says: figures with thresholds and a decision for each effect."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Sequence
@@ -10,7 +8,6 @@ from typing import Literal
 
 Effect = Literal["appearance", "background"]
 Confidence = Literal["clear", "close", "none"]
-Decision = str
 
 CLEAR = 1.5
 """A figure that is so many times its threshold, or that part of it, is clear of it."""
@@ -39,7 +36,7 @@ class Finding:
     """What was seen of one effect, and what follows."""
 
     effect: Effect
-    decision: Decision
+    decision: str
     """The value of the effect's switch that explains what was seen at the least cost."""
     confidence: Confidence
     """`clear`: the deciding figures are off by a factor of `CLEAR`; `close`: by less; `none`:
@@ -75,7 +72,7 @@ class Survey:
         """In the order of the effects' switches."""
         return self.appearance, self.background
 
-    def decisions(self) -> dict[str, Decision]:
+    def decisions(self) -> dict[str, str]:
         """The switches by name."""
         return {finding.effect: finding.decision for finding in self.findings}
 

@@ -6,8 +6,6 @@ Letters in shapes: V photos, P points, S = GRID^2 samples, H x W pixels; N point
 places of one photo.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass

@@ -11,8 +11,6 @@ how steeply some lenses darken the corners, and what it leaves looks like shade.
 Letters in shapes: V photos, P points, M observations that count.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The survey of a capture, from the files to the findings, and to the effects of a run."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A trained run, loaded, and which of its photos are shown: the one way of all commands."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, is_dataclass
 from pathlib import Path

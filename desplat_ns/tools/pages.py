@@ -5,8 +5,6 @@ asks for.
 Letters in shapes: H x W pixels.
 """
 
-from __future__ import annotations
-
 import base64
 import io
 from collections.abc import Callable, Sequence

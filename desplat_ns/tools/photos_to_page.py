@@ -8,8 +8,6 @@ OUTPUT/scene.ply, masks/            for other programs
 OUTPUT/desplat.json                 what was asked for, and what is done
 """
 
-from __future__ import annotations
-
 import json
 import time
 from collections.abc import Callable, Iterator

@@ -1,7 +1,5 @@
 """A page to look at while a run trains: `preview.html` in its folder, which loads itself anew."""
 
-from __future__ import annotations
-
 import time
 from contextlib import suppress
 from pathlib import Path

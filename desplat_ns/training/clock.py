@@ -1,8 +1,6 @@
 """How long a run takes: by what its steps draw, at prices that are found before the first one and
 corrected by those that are done."""
 
-from __future__ import annotations
-
 from math import exp, sqrt
 from typing import Any
 

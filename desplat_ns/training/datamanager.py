@@ -1,7 +1,5 @@
 """Serves full photos with their cameras, and says which training view a camera is."""
 
-from __future__ import annotations
-
 import os
 import random
 from contextlib import suppress
@@ -57,7 +55,7 @@ class DeSplatDataManagerConfig(FullImageDatamanagerConfig):
     their turn and in the background, which changes nothing else. By default 40% of the
     memory that is free."""
 
-    def setup(self, **kwargs: Any) -> DeSplatDataManager:
+    def setup(self, **kwargs: Any) -> "DeSplatDataManager":
         """The data manager, once the dataparser is settled."""
         self.settle_dataparser()
         return super().setup(**kwargs)

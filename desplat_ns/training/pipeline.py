@@ -1,7 +1,5 @@
 """Training pipeline: evaluation that says what it measured, checkpoints that fit or say why not."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager

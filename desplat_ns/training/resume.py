@@ -1,8 +1,6 @@
 """What a checkpoint holds so that a run goes on as if it had never stopped, besides the model and
 the optimizers: the scene that it belongs to, and the random generators."""
 
-from __future__ import annotations
-
 import random
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
@@ -32,7 +30,7 @@ class SceneRecord:
     """Of the training views, see `DeSplatDataManager.remembered`; None in older checkpoints."""
 
     @classmethod
-    def from_state(cls, state: object) -> SceneRecord:
+    def from_state(cls, state: object) -> "SceneRecord":
         """Read a record back. Raises CheckpointError where this version can read none."""
         names = {field.name for field in fields(cls)}
         if not isinstance(state, Mapping) or {*state, "cameras"} != names:
@@ -42,7 +40,7 @@ class SceneRecord:
             )
         return cls(**state)
 
-    def check_fits(self, here: SceneRecord) -> None:
+    def check_fits(self, here: "SceneRecord") -> None:
         """Raise CheckpointError, saying what differs, unless this can be loaded into `here`."""
         options = [
             (f"effects.{name.replace('_', '-')}", self.effects.get(name), value)

@@ -2,8 +2,6 @@
 schedules, its effects, its steps. config.yml then has them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -60,7 +58,7 @@ class RunConfig(TrainerConfig):
     counted.
     """
 
-    def __new__(cls, *args: Any, **options: Any) -> RunConfig:
+    def __new__(cls, *args: Any, **options: Any) -> "RunConfig":
         """Python's; PyYAML, which gives no options, reads what follows as `plugin` lets it."""
         if not args and not options:
             check_what_is_read()

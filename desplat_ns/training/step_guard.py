@@ -1,8 +1,6 @@
 """Keeps losses and gradients that are not finite from being learned: of an unsound step nothing
 stays, neither in parameters and moments nor in what densification and placement remember."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any

@@ -1,8 +1,6 @@
 """Ctrl+C, a closed terminal and what a batch system sends: the first signal asks a run to stop, the
 next one ends it."""
 
-from __future__ import annotations
-
 import signal
 import threading
 from collections.abc import Callable, Iterator

@@ -1,7 +1,5 @@
 """The training run: what nerfstudio's loop leaves open of schedules, checkpoints and resuming."""
 
-from __future__ import annotations
-
 import copy
 import math
 import sys

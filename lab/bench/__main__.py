@@ -7,8 +7,6 @@ process on one thread, wall milliseconds for what draws on a GPU: medians over a
 the cases of a group take turns. The table goes into outputs/bench.md as well.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 

@@ -1,8 +1,6 @@
 """A generated scene drawn by one backend, timed and compared with the `torch` backend's drawing in
 float64."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """One training step of the whole model on a generated scene, for timing."""
 
-from __future__ import annotations
-
 from dataclasses import asdict, replace
 
 import torch

@@ -17,8 +17,6 @@ At 20,000 Gaussians and 480 x 270 pixels this gives, in (pixel, Gaussian) pairs:
 A trained capture of this size that was counted had 27, 18, 11 (by coarser rows) and 5.5.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -5,8 +5,6 @@ the cores' rate, both measured here. What a stage must read and write and comput
 each array once, and operations of what is looked at, where `PER_PAIR` and its like say how many.
 """
 
-from __future__ import annotations
-
 import statistics
 import time
 from collections import defaultdict

@@ -1,7 +1,5 @@
 """Timing in turns: every case has its turn in every round, so that a busy spell hits all alike."""
 
-from __future__ import annotations
-
 import gc
 import statistics
 import time

@@ -4,8 +4,6 @@ They are not registered; nerfstudio's commands find them by
 NERFSTUDIO_METHOD_CONFIGS='masked-by-truth=lab.reproduce.baselines:by_truth'.
 """
 
-from __future__ import annotations
-
 import copy
 from dataclasses import dataclass, field, fields
 from pathlib import Path

@@ -4,8 +4,6 @@ of files, camera models, and what COLMAP left out.
 docs/compare-with-desplat.md says where each layout is known from ("What lies where").
 """
 
-from __future__ import annotations
-
 import csv
 import json
 import os

@@ -6,8 +6,6 @@ Scenes lie as the published ones do (`data_sets`) and all methods are trained on
 steps at 48 pixels. A figure that a table lacks is an error.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import shutil

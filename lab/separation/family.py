@@ -7,8 +7,6 @@ photo shows empty, is a passer-by, with all that he carries. The light is even: 
 are at their feet are too faint to outline.
 """
 
-from __future__ import annotations
-
 from pathlib import Path, PurePath
 
 import cv2

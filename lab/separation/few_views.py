@@ -1,7 +1,5 @@
 """A capture with some of its training views only: the others, and what they alone saw, are gone."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

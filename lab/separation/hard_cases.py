@@ -3,8 +3,6 @@
 A case differs from its scene in the `clutter_` photos and in their masks, nothing else.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

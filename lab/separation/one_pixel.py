@@ -6,8 +6,6 @@ compares c = a r + (1 - a) s with its photo y. In a few views y is an occluder's
 python -m lab.separation.one_pixel        (draws docs/explain/one_pixel.png)
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

@@ -12,8 +12,6 @@ contradict it, and the pixels are left out (`seen` says how many are not).
 Letters in shapes: H x W pixels at the size of training, P pixels of them, C colours.
 """
 
-from __future__ import annotations
-
 import json
 from dataclasses import dataclass
 from pathlib import Path, PurePath

@@ -3,8 +3,6 @@
 python -m lab.separation.stages CONFIG [--view 12]     (config.yml of a run of desplat)
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -7,8 +7,6 @@ What is found is printed, and written to outputs/stability.md. The exit status i
 case exceeds its bound, a kill lost more than it may, memory grew, or no test noticed a mutation.
 """
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable, Sequence
 

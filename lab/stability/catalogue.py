@@ -1,7 +1,5 @@
 """Errors of each hard case of `tests/stability` as shares of their bounds, as a table."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

@@ -6,8 +6,6 @@ The lives are forked from one process that has imported and compiled everything 
 steps itself; without that each life would take many seconds to begin.
 """
 
-from __future__ import annotations
-
 import copy
 import json
 import os

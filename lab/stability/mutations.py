@@ -3,8 +3,6 @@
 The tests that should notice a change run in the copy, up to the first that fails.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import shlex

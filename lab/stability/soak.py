@@ -4,8 +4,6 @@
 distractors, refinements and resets, an evaluation every 50 steps and a checkpoint every 100.
 """
 
-from __future__ import annotations
-
 import tempfile
 from pathlib import Path
 from typing import Any, NamedTuple

@@ -1,7 +1,5 @@
 """The captures: real ones in the folder that DESPLAT_NS_DATA names, generated and altered ones."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 import shutil

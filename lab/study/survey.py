@@ -6,8 +6,6 @@ Generated scenes have every combination of effects; other captures have some dec
 who looks at the photos can tell. The tables are outputs/survey/table.md.
 """
 
-from __future__ import annotations
-
 import time
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
@@ -19,7 +17,6 @@ from pathlib import Path
 from nerfstudio.data.dataparsers.base_dataparser import DataparserOutputs
 
 from desplat_ns.core.errors import DeSplatError
-from desplat_ns.survey.findings import Decision
 from desplat_ns.survey.survey import survey
 from desplat_ns.tools.studies.machine import code_version, processor, short, today
 from desplat_ns.tools.studies.methods import splits_of
@@ -29,7 +26,7 @@ from lab.synthetic import DaylightSpec, OccluderSpec, SceneSpec, write_scene
 
 FOLDER = OUTPUTS / "survey"
 
-Allowed = Mapping[str, tuple[Decision, ...]]
+Allowed = Mapping[str, tuple[str, ...]]
 """Right decisions by effect; those of other effects are not judged."""
 
 EFFECTS: dict[str, tuple[str, ...]] = {
@@ -97,7 +94,7 @@ class Surveyed:
     kind: str
     name: str
     right: Allowed
-    decisions: Mapping[str, Decision]
+    decisions: Mapping[str, str]
     seconds: float
     """CPU time."""
 
@@ -110,7 +107,6 @@ class Surveyed:
 
 
 def surveyed(kind: str, name: str, right: Allowed, capture: DataparserOutputs) -> Surveyed:
-    """Survey a capture."""
     began = time.process_time()
     findings, _ = survey(capture)
     return Surveyed(kind, name, right, findings.decisions(), time.process_time() - began)
@@ -185,7 +181,6 @@ def confusion(results: Sequence[Surveyed], effect: str) -> str:
 
 
 def rows(results: Sequence[Surveyed]) -> str:
-    """A row for each capture."""
     body = (
         [r.name, *(str(r.decisions[e]) for e in EFFECTS), f"{r.seconds:.1f}", ", ".join(r.wrong)]
         for r in results
@@ -194,7 +189,6 @@ def rows(results: Sequence[Surveyed]) -> str:
 
 
 def main() -> None:
-    """Survey what is there, and write the tables."""
     parser_of("python -m lab.study.survey", __doc__).parse_args()
     FOLDER.mkdir(parents=True, exist_ok=True)
     text = page([*generated(FOLDER), *known(FOLDER)])

@@ -5,8 +5,6 @@ downloaded. World units are metres, z is up.
 Inside this package arrays put coordinates first ("3 N"): numpy is fastest that way.
 """
 
-from __future__ import annotations
-
 from lab.synthetic.daylight import DaylightSpec
 from lab.synthetic.layouts import write_scene
 from lab.synthetic.occluders import OccluderSpec

@@ -1,7 +1,5 @@
 """Pinhole cameras and the arc on which they stand."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,7 +22,7 @@ class PinholeCamera:
         """Optical centre in the world, metres."""
         return -self.viewmat[:3, :3].T @ self.viewmat[:3, 3]
 
-    def with_size(self, width: int, height: int) -> PinholeCamera:
+    def with_size(self, width: int, height: int) -> "PinholeCamera":
         """The same pose and the same angle of view along the longer side, in another format."""
         scale = max(width, height) / max(self.width, self.height)
         fx, fy = scale * self.K[0, 0], scale * self.K[1, 1]

@@ -1,7 +1,5 @@
 """Day and weather in which a photo was taken: its light and its sky, drawn photo by photo."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,7 +32,7 @@ class Light:
     gamma: float = 1.0
     """Contrast: above 1 darkens the shadows more than the lights, below 1 lifts them."""
 
-    def scaled(self, strength: float) -> Light:
+    def scaled(self, strength: float) -> "Light":
         """The way from no change (strength 0) to this light (1), in equal ratios."""
         r, g, b = (channel**strength for channel in self.tint)
         return Light(self.gain**strength, (r, g, b), self.gamma**strength)

@@ -1,7 +1,5 @@
 """A generated capture as files, arranged as RobustNeRF's or as Photo Tourism's scenes."""
 
-from __future__ import annotations
-
 import csv
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -64,7 +62,7 @@ def _write_capture(scene: Scene, training: Sequence[Frame], images: Path, sparse
     write_reconstruction(sparse, register(scene, training), points.xyz + noise, points.rgb)
 
 
-def register(scene: Scene, training: Sequence[Frame]) -> list[RegisteredPhoto]:
+def register(scene: Scene, training: Sequence[Frame]) -> "list[RegisteredPhoto]":
     """Photos with their noisy observations; points hidden by occluders are not observed."""
     rng, points, views = scene.spec.rng(4), scene.points, scene.spec.num_views
     numbered = [(index % views, frame) for index, frame in enumerate(training)]

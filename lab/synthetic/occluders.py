@@ -1,7 +1,5 @@
 """What passes between camera and scene: people, balloons and parcels, anew for every view."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple

@@ -4,8 +4,6 @@ Metres; z is up, and the cameras stand around the middle. Each number after a te
 size or the seed of its noise.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """What structure from motion would have found: coloured points and where each was seen."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
@@ -42,7 +40,7 @@ class PointCloud:
         """Which of the points that a view shows lie under `mask`."""
         return self.is_seen[view] & mask[self.rows[view], self.columns[view]]
 
-    def keep(self, which: Int[np.ndarray, " M"]) -> PointCloud:
+    def keep(self, which: Int[np.ndarray, " M"]) -> "PointCloud":
         """Some of the points."""
         return PointCloud(*(array[:, which] for array in vars(self).values()))
 

@@ -4,8 +4,6 @@
 there is none. Rays start outside of solids. `surface` describes points that lie on the surface.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 

@@ -1,7 +1,5 @@
 """Ray casting with a sun, shadows and light from the sky; supersampled."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """The capture: twins with and without occluders, extra views, points."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from pathlib import Path
 

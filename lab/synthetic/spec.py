@@ -1,7 +1,5 @@
 """What decides how a generated capture looks."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -49,12 +47,12 @@ class SceneSpec:
     behind a lawn; `table`: things on a table, with a room far behind."""
 
     @classmethod
-    def tiny(cls, seed: int = 0) -> SceneSpec:
+    def tiny(cls, seed: int = 0) -> "SceneSpec":
         """Six views of 48x32 pixels, for tests."""
         return cls(num_views=6, num_extras=2, width=48, height=32, num_points=300, seed=seed)
 
     @classmethod
-    def tourism(cls, seed: int = 0) -> SceneSpec:
+    def tourism(cls, seed: int = 0) -> "SceneSpec":
         """Tourists' photos: any daylight, sky, upright and lengthwise; Photo Tourism's layout."""
         return cls(
             width=160,
@@ -68,7 +66,7 @@ class SceneSpec:
         )
 
     @classmethod
-    def facade(cls, num_views: int, seed: int = 0) -> SceneSpec:
+    def facade(cls, num_views: int, seed: int = 0) -> "SceneSpec":
         """A walk past a house behind a lawn, with trees that only photos from its ends show."""
         return cls(
             num_views=num_views,
@@ -82,7 +80,7 @@ class SceneSpec:
         )
 
     @classmethod
-    def table_top(cls, num_views: int, seed: int = 0) -> SceneSpec:
+    def table_top(cls, num_views: int, seed: int = 0) -> "SceneSpec":
         """More than half around a table; each part of the room behind is in a few photos."""
         return cls(
             num_views=num_views,

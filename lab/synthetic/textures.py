@@ -1,7 +1,5 @@
 """Procedural textures: colour as a function of surface coordinates in metres."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache

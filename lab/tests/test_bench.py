@@ -1,7 +1,5 @@
 """The benchmark's table has every case, and errors that rounding explains."""
 
-from __future__ import annotations
-
 import pytest
 
 from lab.bench.__main__ import STEPS, main

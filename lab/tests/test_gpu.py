@@ -1,7 +1,5 @@
 """Without a CUDA device the script runs to its end; what is measured is not measured again."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What `python -m lab.options` writes: every option of the package, as the code has it."""
 
-from __future__ import annotations
-
 import re
 from functools import reduce
 

@@ -1,7 +1,5 @@
 """Every backend in turn."""
 
-from __future__ import annotations
-
 import pytest
 
 from tests.backend.scenes import BACKENDS, Backend, make_backend

@@ -7,8 +7,6 @@ filter (Yu et al. 2024, Eq. 10), the table of real spherical harmonics. The numb
 from autograd.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from math import pi, sqrt
 from typing import Any

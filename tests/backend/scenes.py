@@ -1,7 +1,5 @@
 """Scenes for the contract suite, the tolerances that they allow, and ways to render them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -32,7 +30,7 @@ class TestScene:
     size: tuple[int, int]
     sh_degree: int | None = None
 
-    def to(self, dtype: torch.dtype, device: str = "cpu") -> TestScene:
+    def to(self, dtype: torch.dtype, device: str = "cpu") -> "TestScene":
         """A copy whose parameters are leaves that require gradients."""
         copies = {
             name: getattr(self, name).detach().to(device, dtype).requires_grad_()

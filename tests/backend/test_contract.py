@@ -4,8 +4,6 @@ Pixels where an alpha or a transmittance lies within rounding of a jump (cutoff,
 go either way; they are left out of the comparison and of the loss, and there may be few of them.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import math
 

@@ -1,7 +1,5 @@
 """gsplat's kernels are compiled with an nvcc that is found, or one text says what is missing."""
 
-from __future__ import annotations
-
 import importlib
 import importlib.util
 import os

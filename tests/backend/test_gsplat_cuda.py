@@ -3,8 +3,6 @@
 What gsplat draws is compared in `test_contract.py`, where there is a GPU.
 """
 
-from __future__ import annotations
-
 import inspect
 import math
 from typing import Any

@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import pytest
 import torch
 from pytorch_msssim import ssim as msssim_ssim

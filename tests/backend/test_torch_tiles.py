@@ -1,7 +1,5 @@
 """Memory of the torch backend; what all backends share is in `test_contract.py`."""
 
-from __future__ import annotations
-
 import resource
 import subprocess
 import sys

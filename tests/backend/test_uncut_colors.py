@@ -1,7 +1,5 @@
 """Colours before they are cut off at 0: compiled and in torch alike, against float64."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import pytest

@@ -4,8 +4,6 @@
 row depends on its place and on the processor: there those left out keep theirs, transparent.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

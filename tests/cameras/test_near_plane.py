@@ -1,7 +1,5 @@
 """What hangs before a camera is in no rendering, and training sees it."""
 
-from __future__ import annotations
-
 import pytest
 import torch
 from scipy.spatial.transform import Rotation

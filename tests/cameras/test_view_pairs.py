@@ -1,7 +1,5 @@
 """Which views have something to say of one, and where a plane before it is seen by another."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -6,9 +6,9 @@ import pytest
 import torch
 from nerfstudio.cameras.cameras import Cameras, CameraType
 
-from desplat_ns.cameras.views import view_of, world_to_camera
+from desplat_ns.cameras.views import view_of
 from desplat_ns.core.errors import ConfigError
-from tests.helpers.cameras import cameras, looking_along_y
+from tests.helpers.cameras import cameras
 
 
 def project(camera: Cameras, point: list[float], size: Any = None) -> torch.Tensor:
@@ -16,11 +16,6 @@ def project(camera: Cameras, point: list[float], size: Any = None) -> torch.Tens
     in_camera = view.viewmat @ torch.tensor([*point, 1.0])
     pixel = view.K @ in_camera[:3]
     return pixel[:2] / pixel[2]
-
-
-def test_what_is_ahead_has_positive_depth():
-    ahead = world_to_camera(looking_along_y()) @ torch.tensor([1.0, 7.0, 3.0, 1.0])
-    assert torch.allclose(ahead, torch.tensor([0.0, 0.0, 5.0, 1.0]), atol=1e-6)
 
 
 def test_right_is_right_and_up_is_up_in_the_image():

@@ -1,7 +1,5 @@
 """Optimizers: fused Adam, and rates that follow nominal steps in Python floats."""
 
-from __future__ import annotations
-
 import copy
 import math
 import sys

@@ -1,7 +1,5 @@
 """Numbers out of their interval are found and named as typed."""
 
-from __future__ import annotations
-
 import math
 import re
 from functools import reduce

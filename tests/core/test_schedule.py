@@ -1,7 +1,5 @@
 """A run's length, its rates and its clock; what a budget holds."""
 
-from __future__ import annotations
-
 import pytest
 
 from desplat_ns.core.errors import ConfigError

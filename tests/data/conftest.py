@@ -1,7 +1,5 @@
 """A Photo Tourism scene of a few photos: dense/images, dense/sparse, scene.tsv."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from pathlib import Path
 

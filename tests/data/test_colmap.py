@@ -1,7 +1,5 @@
 """Our COLMAP parser gives what nerfstudio's gives, without its prompt."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 from typing import Any
@@ -17,17 +15,8 @@ from desplat_ns.core.errors import CaptureError, ConfigError
 from desplat_ns.data.colmap import DeSplatColmapDataParserConfig, with_pycolmap
 from desplat_ns.data.reconstruction import TRACKS
 
-CAMERA_FIELDS = (
-    "camera_to_worlds",
-    "fx",
-    "fy",
-    "cx",
-    "cy",
-    "width",
-    "height",
-    "distortion_params",
-    "camera_type",
-)
+CAMERA_FIELDS = ("camera_to_worlds", "fx", "fy", "cx", "cy", "width", "height")
+CAMERA_FIELDS += ("distortion_params", "camera_type")
 TOLERANCE: dict[str, Any] = {"rtol": 1e-5, "atol": 1e-5}
 """Upstream turns quaternions into matrices itself; then some dozen operations in float32."""
 

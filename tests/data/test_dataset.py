@@ -1,7 +1,5 @@
 """Photos come at the size of their cameras, whatever their own; what does not fit is named."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -26,11 +24,8 @@ def test_photos_of_differing_sizes_keep_them(capture, photo_writer):
     pixels = photo_writer(data / "images" / "b.png", 12, 4)
     dataset = dataset_of(data)
     dataset.check_photos()
-    assert [tuple(dataset.get_data(i)["image"].shape) for i in range(3)] == [
-        (6, 8, 3),
-        (4, 12, 3),
-        (6, 8, 3),
-    ]
+    sizes = [tuple(dataset.get_data(i)["image"].shape) for i in range(3)]
+    assert sizes == [(6, 8, 3), (4, 12, 3), (6, 8, 3)]
     np.testing.assert_array_equal(dataset.get_numpy_image(1), pixels)
 
 

@@ -1,7 +1,5 @@
 """Reduced copies are used where they are whole; nothing is written; no side is ever 0."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -48,11 +46,3 @@ def test_without_copies_or_at_full_size_the_originals_are_used(tmp_path: Path):
         sources, _ = photo_sources(tmp_path / "i", [frame("a.png", 9, 7)], [factor], "floor")
         assert sources == [PhotoSource(tmp_path / "i" / "a.png", *size)]
     assert list(tmp_path.iterdir()) == []
-
-
-def test_files_beside_the_photos_that_are_none_are_counted(tmp_path: Path, photo_writer, capsys):
-    photo_writer(tmp_path / "a.png", 9, 7)
-    for name in ("a.dng", "b.DNG", ".hidden"):
-        (tmp_path / name).touch()
-    photo_sources(tmp_path, [frame("a.png", 9, 7)], [1.0], "floor")
-    assert "2 passed over: 2 .dng" in capsys.readouterr().out.replace("\n", " ")

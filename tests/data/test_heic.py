@@ -1,7 +1,5 @@
 """iPhones' photos come in as JPEG does: upright, with their colours and their lens."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

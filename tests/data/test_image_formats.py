@@ -1,7 +1,5 @@
 """Every row of the table of formats in docs/reference/data.md, by pixels that were written."""
 
-from __future__ import annotations
-
 import base64
 import struct
 import zlib

@@ -1,7 +1,5 @@
 """`desplat-data`: the default of every method, whose choice is kept in config.yml."""
 
-from __future__ import annotations
-
 import copy
 import json
 from pathlib import Path

@@ -1,7 +1,5 @@
 """`on-the-go-data`: positions in split.json choose the photos, whatever gives the poses."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

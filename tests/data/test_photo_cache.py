@@ -1,7 +1,5 @@
 """Photos in bounded memory are the photos; each is read before its turn, few more than once."""
 
-from __future__ import annotations
-
 import random
 import threading
 from collections.abc import Iterable

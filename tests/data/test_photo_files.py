@@ -1,7 +1,5 @@
 """Photos are told from other files by their names; folders of copies by their numbers."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from desplat_ns.data.photo_files import (
@@ -47,9 +45,6 @@ def test_files_that_are_passed_over_are_counted_by_their_endings(tmp_path: Path,
     said = " ".join(capsys.readouterr().out.split())
     assert said.count("2 photos of 6 files") == 1
     assert "4 passed over: 2 .dng, 1 without ending, 1 .xmp" in said
-
-
-def test_where_all_files_are_photos_nothing_is_said(tmp_path: Path, capsys):
     begin_folder(tmp_path, ["a.jpg", ".DS_Store"])
     assert capsys.readouterr().out == ""
 

@@ -1,13 +1,11 @@
 """`photo-tourism-data`: the folders as they are downloaded, photos of any size, NeRF-W's split."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest
 import torch
 
-from desplat_ns.core.errors import CaptureError, ConfigError
+from desplat_ns.core.errors import CaptureError
 from desplat_ns.data.dataset import CaptureDataset
 from desplat_ns.data.photo_tourism import PhotoTourismDataParser, PhotoTourismDataParserConfig
 from tests.helpers.files import write_split
@@ -83,12 +81,6 @@ def test_without_a_split_file_photos_are_drawn_and_named(scene, capsys):
     assert capsys.readouterr().out.count(test[0]) == 1
     drawn = {tuple(names(parser_of(data, seed=seed), "test")) for seed in range(8)}
     assert len(drawn) > 1
-
-
-@pytest.mark.parametrize("fraction", [0.0, 1.0, float("nan")])
-def test_fractions_outside_zero_and_one_are_refused(scene, fraction: float):
-    with pytest.raises(ConfigError, match="--test-fraction"):
-        parser_of(scene(), test_fraction=fraction)
 
 
 def test_a_fraction_that_is_asked_for_comes_before_any_split_file(scene):

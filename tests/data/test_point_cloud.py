@@ -1,7 +1,5 @@
 """PLY files of any program give their points and colours; what cannot be read is named."""
 
-from __future__ import annotations
-
 import struct
 from pathlib import Path
 

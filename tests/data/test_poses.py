@@ -1,7 +1,5 @@
 """Cameras and points whose place cannot be are left out and named."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Every layout is recognised, the most specific first; what is no capture is told what to do."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from collections.abc import Callable

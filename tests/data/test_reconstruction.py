@@ -1,8 +1,6 @@
 """COLMAP models are found, the largest is taken, and what cannot be used is named; what photos
 observe is read from them when it is asked for."""
 
-from __future__ import annotations
-
 import copy
 import shutil
 from collections.abc import Callable

@@ -1,8 +1,6 @@
 """`robustnerf-data`: names split the photos, and a mix takes each viewpoint once; true masks ride
 along and never mask training."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

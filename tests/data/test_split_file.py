@@ -1,7 +1,5 @@
 """NeRF-W's split files: found by their columns, read as they are, and refused when they lie."""
 
-from __future__ import annotations
-
 import random
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Photos that train are told from those that are held out by their bytes, whatever their names."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Which training view a camera is, and how photos are called."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import torch

@@ -1,7 +1,5 @@
 """When a photo is compared with the static scene."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any

@@ -1,7 +1,5 @@
 """A camera that looks along +y."""
 
-from __future__ import annotations
-
 import torch
 from nerfstudio.cameras.cameras import Cameras
 

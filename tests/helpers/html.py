@@ -1,7 +1,5 @@
 """A page's elements, as a browser's parser cuts the page."""
 
-from __future__ import annotations
-
 from html.parser import HTMLParser
 
 VOID = {"meta", "link", "img", "input", "br"}

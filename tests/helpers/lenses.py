@@ -1,7 +1,5 @@
 """Captures whose lenses bend."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

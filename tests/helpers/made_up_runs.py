@@ -1,7 +1,5 @@
 """Records of runs that nobody did."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from desplat_ns.tools.studies.machine import code_version

@@ -1,7 +1,5 @@
 """Short runs of methods, with every setting as registered."""
 
-from __future__ import annotations
-
 import copy
 import random
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A made-up run, as the report's page shows it."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

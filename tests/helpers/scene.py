@@ -1,7 +1,5 @@
 """A made-up scene, as its page shows it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

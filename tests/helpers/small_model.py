@@ -1,7 +1,5 @@
 """A model of a few Gaussians, and the part of nerfstudio's training loop that touches it."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import torch
@@ -108,6 +106,5 @@ class Trainer:
         return {"outputs": outputs, "losses": losses, "step": drawn}
 
     def update(self) -> None:
-        """Let the optimizers step."""
         for optimizer in (*self.optimizers.values(), *self.model.view_optimizers().values()):
             optimizer.step()

@@ -1,12 +1,7 @@
 """Made-up Gaussians for files, what a camera sees of them, and readers that share no code with the
 package."""
 
-from __future__ import annotations
-
-import json
-import struct
 from dataclasses import replace
-from typing import Any
 from unittest import mock
 
 import gaussforge
@@ -17,9 +12,6 @@ from desplat_ns.backend import projection
 from desplat_ns.backend.protocol import RenderSettings, Splats, View
 from desplat_ns.backend.torch_tiles import TorchRasterizer
 from desplat_ns.tools.export.splat_cloud import SplatCloud
-
-DTYPES = {5121: np.uint8, 5126: np.float32}
-WIDTHS = {"SCALAR": 1, "VEC3": 3, "VEC4": 4}
 
 IN_FRONT = (0.0, 0.0, 4.0)
 """Where they are seen by `view`, in world units."""
@@ -75,31 +67,3 @@ def read_splats(content: bytes, kind: str = "spz") -> SplatCloud:
         opacities=1 / (1 + np.exp(-array("alphas"))),
         harmonics=np.concatenate([array("colors", 1, 3), array("sh", -1, 3)], axis=1),
     )
-
-
-def read_glb(content: bytes) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-    """The JSON, and the attributes of the first primitive; normalized bytes come as [0, 1].
-
-    By the specification of glTF 2.0, for what the package writes only.
-    """
-    magic, version, length = struct.unpack_from("<4sII", content)
-    assert (magic, version, length) == (b"glTF", 2, len(content))
-    chunks: dict[bytes, bytes] = {}
-    at = 12
-    while at < length:
-        size, kind = struct.unpack_from("<I4s", content, at)
-        assert size % 4 == 0
-        chunks[kind] = content[at + 8 : at + 8 + size]
-        at += 8 + size
-    document = json.loads(chunks[b"JSON"])
-    attributes = {}
-    for name, number in document["meshes"][0]["primitives"][0]["attributes"].items():
-        accessor = document["accessors"][number]
-        part = document["bufferViews"][accessor["bufferView"]]
-        assert part["byteOffset"] % 4 == 0
-        values = np.frombuffer(
-            chunks[b"BIN\0"][part["byteOffset"] :][: part["byteLength"]],
-            DTYPES[accessor["componentType"]],
-        ).reshape(accessor["count"], WIDTHS[accessor["type"]])
-        attributes[name] = values / 255 if accessor.get("normalized") else values
-    return document, attributes

@@ -1,7 +1,5 @@
 """A run of the trainer on a stub of a pipeline, and equality to the last bit."""
 
-from __future__ import annotations
-
 import dataclasses
 import random
 from collections.abc import Callable
@@ -76,7 +74,7 @@ class StubModel:
 class StubPipeline(Pipeline):
     """Two groups of parameters whose loss depends on every random generator."""
 
-    def __init__(self, config: StubPipelineConfig, **_: Any) -> None:
+    def __init__(self, config: "StubPipelineConfig", **_: Any) -> None:
         super().__init__()
         self.groups = torch.nn.ParameterDict(
             {name: Parameter(torch.ones(config.size)) for name in config.groups}

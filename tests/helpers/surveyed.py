@@ -1,7 +1,5 @@
 """Captures with some of their photos, or with copies to be damaged, and what a survey finds."""
 
-from __future__ import annotations
-
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -17,7 +15,6 @@ from desplat_ns.survey.survey import survey as survey_with_evidence
 
 
 def survey(capture: DataparserOutputs) -> Survey:
-    """The findings alone."""
     return survey_with_evidence(capture)[0]
 
 
@@ -40,7 +37,6 @@ def copied(capture: DataparserOutputs, folder: Path) -> DataparserOutputs:
 
 
 def some(capture: DataparserOutputs, which: list[int]) -> DataparserOutputs:
-    """Some of the photos."""
     tracks = capture.metadata[TRACKS]
     fewer = replace(tracks, image_ids=tuple(tracks.image_ids[i] for i in which))
     return replace(

@@ -1,7 +1,5 @@
 """A small scene that is known well, for what looks for things in the way."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

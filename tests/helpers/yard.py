@@ -1,7 +1,5 @@
 """A dozen views of the generated yard, as photos without poses, for what pycolmap does."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -56,7 +54,7 @@ class Yard:
             write_image(folder / f"{number:02d}.png", picture)
         return folder
 
-    def features(self, folder: Path, order: Sequence[int], is_marked: bool = False) -> Features:
+    def features(self, folder: Path, order: Sequence[int], is_marked: bool = False) -> "Features":
         """Some views as photos, copied, with plain features in a database; all of it in a folder,
         where a second call goes on."""
         photos = copied(self.write(folder / "photos", order, is_marked), folder / "copies")
@@ -120,7 +118,6 @@ def write_mask_of_the_mark(path: Path) -> Path:
 
 
 def make_yard() -> Yard:
-    """Draw the views."""
     frames = make_scene(VIEWS).clean
     centres = np.stack([frame.camera.position for frame in frames])
     middle = np.linalg.norm(centres[:, :2], axis=1).mean()
@@ -135,7 +132,7 @@ class Features:
     copies: Path
     photos: Sequence[Photo]
 
-    def again(self, folder: Path) -> Features:
+    def again(self, folder: Path) -> "Features":
         """The same with a database of its own, to be changed."""
         database = Path(shutil.copy(self.database, folder / "database.db"))
         return Features(database, self.copies, self.photos)

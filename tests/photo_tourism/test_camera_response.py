@@ -1,7 +1,5 @@
 """A photo's exposure, white balance, gamma and vignetting, and how they are found."""
 
-from __future__ import annotations
-
 import math
 
 import pytest
@@ -27,10 +25,8 @@ def a_view(width: int = 40, height: int = 30) -> View:
 
 def scene(pixels: int = 4000, seed: int = 0) -> tuple[torch.Tensor, torch.Tensor]:
     generator = torch.Generator().manual_seed(seed)
-    return (
-        torch.rand(pixels, 3, generator=generator),
-        torch.rand(pixels, 1, generator=generator),
-    )
+    rgb = torch.rand(pixels, 3, generator=generator)
+    return rgb, torch.rand(pixels, 1, generator=generator)
 
 
 def test_each_number_does_what_it_is_called():

@@ -1,7 +1,5 @@
 """Gaussians as one view shows them: the pictures and gradients of toning all coefficients."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

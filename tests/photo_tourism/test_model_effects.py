@@ -1,7 +1,5 @@
 """The model with per-image effects: what is drawn, trained, saved and exported."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import pytest

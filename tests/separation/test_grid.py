@@ -1,7 +1,5 @@
 """Cells are square, and no smaller than a pixel; what goes to the host and back is as it was."""
 
-from __future__ import annotations
-
 import pytest
 import torch
 

@@ -1,7 +1,5 @@
 """Where photos have skies of their own, another sky is nothing in the way; things before it are."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

@@ -1,7 +1,5 @@
 """Another light keeps the scene's detail; a thing in front has its own, or none."""
 
-from __future__ import annotations
-
 import pytest
 import torch
 

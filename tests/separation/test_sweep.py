@@ -1,7 +1,5 @@
 """What other photos explain of one: photos of two textured planes, drawn ray by ray."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Sequence
 

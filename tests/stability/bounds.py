@@ -8,8 +8,6 @@ needs no care of its own.
 Letters in shapes: N Gaussians, P pixels, F features (red, green, blue, 1, depth).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import torch

@@ -5,8 +5,6 @@ Everything else is right within the bounds that docs/dev/stability.md derives. E
 second Gaussian, a witness behind the hard one, so that what a hard Gaussian does to others shows.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace

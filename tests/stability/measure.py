@@ -1,7 +1,5 @@
 """One case on one backend: its errors, and how much of the bound they take up."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import torch

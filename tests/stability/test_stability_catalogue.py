@@ -1,7 +1,5 @@
 """Every case of the catalogue on every backend; docs/dev/stability.md derives the bounds."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

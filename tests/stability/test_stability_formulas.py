@@ -3,8 +3,6 @@
 Each has a closed form, evaluated in float64, and a bound in roundings.
 """
 
-from __future__ import annotations
-
 import torch
 from torch import Tensor
 

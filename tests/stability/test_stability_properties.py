@@ -5,8 +5,6 @@ Two renderings of one truth may differ by both their bounds (docs/dev/stability.
 at all where no rounding differs.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Tiny generated scenes, surveyed once for all tests."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -16,7 +14,7 @@ if TYPE_CHECKING:
 
 
 @pytest.fixture(scope="session")
-def small_spec() -> SceneSpec:
+def small_spec() -> "SceneSpec":
     """Ten views of 96x72 pixels without sky."""
     from lab.synthetic import SceneSpec
 
@@ -25,15 +23,15 @@ def small_spec() -> SceneSpec:
 
 @pytest.fixture(scope="session")
 def make_capture(
-    small_spec: SceneSpec, tmp_path_factory: pytest.TempPathFactory
-) -> Callable[..., DataparserOutputs]:
+    small_spec: "SceneSpec", tmp_path_factory: pytest.TempPathFactory
+) -> "Callable[..., DataparserOutputs]":
     """A capture of the small scene, changed as asked for; its clean twins unless `cluttered`."""
     from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
     from lab.synthetic import write_scene
 
     made: dict[str, Path] = {}
 
-    def make(cluttered: bool = False, **changes) -> DataparserOutputs:
+    def make(cluttered: bool = False, **changes) -> "DataparserOutputs":
         spec = replace(small_spec, **changes)
         if repr(spec) not in made:
             made[repr(spec)] = tmp_path_factory.mktemp("scene")
@@ -47,6 +45,6 @@ def make_capture(
 
 
 @pytest.fixture(scope="session")
-def still(make_capture: Callable[..., DataparserOutputs]) -> DataparserOutputs:
+def still(make_capture: "Callable[..., DataparserOutputs]") -> "DataparserOutputs":
     """Nothing in the way, one light, no sky."""
     return make_capture()

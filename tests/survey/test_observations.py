@@ -1,7 +1,5 @@
 """Where points appear in a photo, and what is near them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

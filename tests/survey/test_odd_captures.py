@@ -1,7 +1,5 @@
 """What captures may be like: what is missing, broken or masked, kinds of files, few photos."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The fitted light of photos is the one that they were taken in."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

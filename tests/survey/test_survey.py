@@ -1,7 +1,5 @@
 """Decisions on tiny scenes whose truth is known."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Callable
@@ -51,8 +49,7 @@ def test_a_sun_that_moves_is_a_matter_of_places(
 @pytest.mark.slow
 @pytest.mark.parametrize("place", ["room", "grove"])
 @pytest.mark.parametrize(
-    ("daylight", "decision"),
-    [(None, "off"), (DaylightSpec(strength=0.8, sky=False), "camera")],
+    ("daylight", "decision"), [(None, "off"), (DaylightSpec(strength=0.8, sky=False), "camera")]
 )
 def test_gloss_and_fine_detail_are_no_light(
     make_capture: Callable[..., DataparserOutputs], place: str, daylight, decision: str

@@ -1,7 +1,5 @@
 """A config.yml is read only if it names nothing but what configures runs."""
 
-from __future__ import annotations
-
 import copy
 import importlib
 import sys

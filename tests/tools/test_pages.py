@@ -1,7 +1,5 @@
 """What pages share: escaping, times in words, pictures that fit into a number of bytes."""
 
-from __future__ import annotations
-
 import base64
 import io
 from pathlib import Path

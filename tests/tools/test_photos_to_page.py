@@ -1,7 +1,5 @@
 """`desplat`: what is missing is made, what is there stays."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """What a run is said to take, by what its steps draw."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any

@@ -1,7 +1,5 @@
 """Training cameras carry their number, held-out ones none; CUDA is never needed."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

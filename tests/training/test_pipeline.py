@@ -1,8 +1,6 @@
 """The pipeline around a model whose every answer is known: what it reports, what it refuses, which
 checkpoints it loads and what it says of the others."""
 
-from __future__ import annotations
-
 import json
 import math
 import re

@@ -1,7 +1,5 @@
 """State beyond the model: generators, moments and positions come back."""
 
-from __future__ import annotations
-
 import io
 import random
 from typing import Any

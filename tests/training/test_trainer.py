@@ -1,7 +1,5 @@
 """The trainer on a stub pipeline: schedules of the run's length, exact resume, what is refused."""
 
-from __future__ import annotations
-
 import dataclasses
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Which checkpoint a run goes on from and an evaluation loads, and which is refused."""
 
-from __future__ import annotations
-
 import dataclasses
 import time
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """A disk that is full costs a run no step, and a last save that fails ends it with its reason."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 

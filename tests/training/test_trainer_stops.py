@@ -1,7 +1,5 @@
 """A run told to stop saves what it finished and can go on; a second Ctrl+C ends it at once."""
 
-from __future__ import annotations
-
 import dataclasses
 import os
 import signal

@@ -1,7 +1,5 @@
 """What a run says of its time, and that to find it out changes nothing of the run."""
 
-from __future__ import annotations
-
 import re
 from types import SimpleNamespace
 from typing import Any

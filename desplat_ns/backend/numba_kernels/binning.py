@@ -5,8 +5,6 @@ Gaussians counts its entries per tile, the counts are summed up, then each chunk
 places.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numba

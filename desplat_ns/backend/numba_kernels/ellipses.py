@@ -17,8 +17,6 @@ tiles, and the same again with x and y exchanged for the rows that a block of co
 tile.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

@@ -6,8 +6,6 @@ entry touches; a last pass sums the rows of each Gaussian. So nothing depends on
 what, and when.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numba

@@ -24,8 +24,6 @@ array of planes of float32 (no aliasing to rule out), indices are unsigned, exp 
 the loop is seen to take whole PAIRs of rows, so that it has no rest.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -11,8 +11,6 @@ ones may hold anything, NaN included, and are left out where results are written
 culled Gaussians are 0, whatever comes back for them.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numba

@@ -8,8 +8,6 @@
   a piece never changes its result, so the same bits come out for any number of threads.
 """
 
-from __future__ import annotations
-
 import ctypes
 import hashlib
 import importlib.util

@@ -10,8 +10,6 @@ Directions are worked on in batches that lie in planes, as in `projection`; the 
 which are most of the memory, are read and written once, in their order.
 """
 
-from __future__ import annotations
-
 import math
 from functools import cache
 

@@ -24,8 +24,6 @@ and use vectors. Rows of y lie IMAGE numbers behind those of x; rows of Q and of
 takes a tenth to a sixth more time.
 """
 
-from __future__ import annotations
-
 import math
 
 import numba

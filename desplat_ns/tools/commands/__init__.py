@@ -1,7 +1,5 @@
 """The package's own commands, one file each: options and printing only."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, fields

@@ -1,7 +1,5 @@
 """`desplat`: photos in, page out."""
 
-from __future__ import annotations
-
 import shlex
 from dataclasses import dataclass
 from functools import partial

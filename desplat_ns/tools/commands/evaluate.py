@@ -1,7 +1,5 @@
 """`desplat-eval`: nerfstudio's `ns-eval`, with the options of the protocol."""
 
-from __future__ import annotations
-
 import json
 from contextlib import ExitStack
 from dataclasses import dataclass, fields, replace

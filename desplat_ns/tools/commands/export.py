@@ -1,7 +1,5 @@
 """`desplat-export`: a trained run in the files that viewers and other trainers read."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -31,7 +29,7 @@ class OfScene(OfRun):
 
 @dataclass(kw_only=True)
 class Splats(OfScene):
-    """Write the static scene, without distractors, as splats: .ply, .spz or .glb.
+    """Write the static scene, without distractors, as splats: .ply or .spz.
 
     Free programs: SuperSplat, to crop and clean a .ply or .spz in a browser; Brush, to look at a
     .ply on computers, Android and in Chrome.
@@ -39,7 +37,7 @@ class Splats(OfScene):
 
     output: Path
     """The file. Its ending chooses the format: .ply (everything reads it), .spz (an eighth of
-    its size, rounded), .glb (glTF with KHR_gaussian_splatting, exact)."""
+    its size, rounded)."""
     frame: FrameName = "upright"
     """upright: as viewers expect it of the format, in the capture's scale. capture: the capture's
     own coordinates, to lay over its points. training: nerfstudio's, as ns-export."""

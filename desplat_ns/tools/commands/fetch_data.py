@@ -1,7 +1,5 @@
 """`desplat-fetch-data`: the published data sets, downloaded and unpacked."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path

@@ -1,7 +1,5 @@
 """`desplat-process`: photos or a video to a capture with poses, which ns-train reads."""
 
-from __future__ import annotations
-
 from functools import partial
 
 from desplat_ns.tools.commands import run

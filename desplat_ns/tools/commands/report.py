@@ -1,7 +1,5 @@
 """`desplat-report`: a trained run on one HTML page."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path

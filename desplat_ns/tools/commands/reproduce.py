@@ -1,12 +1,9 @@
 """`desplat-reproduce`: a table of the paper, trained and scored here, with the paper's beside."""
 
-from __future__ import annotations
-
-import os
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import tyro
 
@@ -38,8 +35,6 @@ class Arguments:
     MethodSpecification names one of others."""
     seeds: int = ranged(1, "[1, inf)")
     """Trainings of each method on each scene, whose figures are averaged."""
-    executor: Literal["local", "ray"] = "local"
-    """Where trainings are done: here, or on Ray: on the cluster that RAY_ADDRESS names, if any."""
     jobs: int = ranged(1, "[1, inf)")
     """Trainings beside each other. Times and speeds (A8, A9) are to be measured alone."""
     smoke: bool = False
@@ -59,15 +54,14 @@ class Arguments:
 
         from desplat_ns.tools.studies.methods import method_config  # seconds: not before the checks
         from desplat_ns.tools.studies.reproduce import Smoke, reproduce
-        from desplat_ns.tools.studies.runs import RAY, Executor
+        from desplat_ns.tools.studies.runs import Executor
 
-        is_here = self.executor == "local" or RAY not in os.environ
-        if is_here and not self.smoke and method_config("desplat").machine.device_type == "cpu":
+        if not self.smoke and method_config("desplat").machine.device_type == "cpu":
             raise ConfigError(
                 "This machine has no GPU, on which the runs are meant to be done. Add --smoke to "
                 "try the same with few steps and small photos."
             )
-        executor, smoke = Executor(self.executor, self.jobs), Smoke() if self.smoke else None
+        executor, smoke = Executor(self.jobs), Smoke() if self.smoke else None
         folder = reproduce(table, self.data, self.output, methods, self.seeds, executor, smoke)
         announce(f"Written: {folder / 'table.md'}, and table.json beside it.")
 

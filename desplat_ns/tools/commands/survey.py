@@ -1,7 +1,5 @@
 """`desplat-survey`: which effects does a capture call for? Looked at before training."""
 
-from __future__ import annotations
-
 import io
 from dataclasses import dataclass
 from functools import partial

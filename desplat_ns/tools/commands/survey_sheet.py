@@ -1,8 +1,6 @@
 """The sheet of a survey's evidence: photos, the same without their light, what that leaves, and the
 sky."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 from jaxtyping import UInt8

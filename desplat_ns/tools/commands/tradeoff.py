@@ -1,11 +1,9 @@
 """`desplat-tradeoff`: what accuracy costs in time on a capture, measured on this machine."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import tyro
 
@@ -34,8 +32,6 @@ class Arguments:
     jobs: int = ranged(0, "[0, inf)")
     """Trainings beside each other, one thread each; 0: one on a GPU, else one for each core, eight
     at most."""
-    executor: Literal["local", "ray"] = "local"
-    """Where trainings are done: here, or on Ray: on the cluster that RAY_ADDRESS names, if any."""
 
     def main(self, parser: tuple[str, ...]) -> None:
         """Check what can be checked at once, then measure by a data parser of this name and
@@ -52,8 +48,8 @@ class Arguments:
         # a GPU is shared badly, and times beside others mean little
         on_cpu = method_config(BASE).machine.device_type == "cpu"
         jobs = self.jobs or (min(cores(), 8) if on_cpu else 1)
-        executor = Executor(self.executor, jobs)
-        announce(f"Written: {tradeoff(self.data, parser, self.output, seconds, executor)}")
+        page = tradeoff(self.data, parser, self.output, seconds, Executor(jobs))
+        announce(f"Written: {page}")
 
 
 main = partial(run_on_capture, Arguments, "desplat-tradeoff")

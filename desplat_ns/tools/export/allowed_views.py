@@ -2,8 +2,6 @@
 no such view shows, no photo has contradicted.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 
 import torch

@@ -1,7 +1,5 @@
 """From a run to its files: loads it, gathers, writes, says what was written."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from contextlib import nullcontext
 from typing import Any
@@ -24,7 +22,6 @@ from desplat_ns.photo_tourism.shown_light import mixed_light
 from desplat_ns.tools.commands.export import Masks, Splats
 from desplat_ns.tools.export.allowed_views import allowed_views, seen_by_any
 from desplat_ns.tools.export.formats import UPRIGHT, format_of
-from desplat_ns.tools.export.gltf import glb_bytes
 from desplat_ns.tools.export.masks import (
     dilated,
     distractor_mask,
@@ -45,7 +42,7 @@ from desplat_ns.tools.export.spz import placed, spz_bytes
 from desplat_ns.tools.loading import even_subset, load_run
 from desplat_ns.training.pipeline import DeSplatPipeline
 
-WRITERS = {".ply": ply_bytes, ".spz": spz_bytes, ".glb": glb_bytes}
+WRITERS = {".ply": ply_bytes, ".spz": spz_bytes}
 MOST_CROP_VIEWS, SIDE, COVERED = 100, 64, 0.5
 """To find how far cameras look: training views at most, pixels of the longer side of a rendering,
 and the opacity from which a pixel shows something at a depth."""
@@ -85,8 +82,7 @@ def export_splats(files: RunFiles, asked: Splats) -> None:
     if offset:
         told.append(
             f"float32 is too coarse for the capture's coordinates: {output} has them without an "
-            f"offset of {offset}, which stands in {beside}, in the comment of a .ply and as the "
-            "translation of a .glb's node, which viewers that compute in float32 round."
+            f"offset of {offset}, which stands in {beside} and in the comment of a .ply."
         )
     for line in told:
         announce(line, warning=True)

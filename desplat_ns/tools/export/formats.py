@@ -4,8 +4,6 @@ To add one, write a function from a `SplatCloud` to the file's bytes and enter i
 `export.WRITERS`; what reads it back in a test must share no code with it.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Literal
 
@@ -18,10 +16,10 @@ Naming = Literal["colmap", "nerfstudio"]
 Axes = tuple[tuple[int, ...], ...]
 """A matrix [3, 3] of 0 and +-1 that turns one convention's axes into another's."""
 Y_UP: Axes = ((1, 0, 0), (0, 0, 1), (0, -1, 0))
-"""nerfstudio's axes (x right, y forward, z up) as x right, y up, z backward: glTF's, and SPZ's."""
+"""nerfstudio's axes (x right, y forward, z up) as x right, y up, z backward: SPZ's."""
 Y_DOWN: Axes = ((1, 0, 0), (0, 0, -1), (0, 1, 0))
 """... as x right, y down, z forward: what viewers expect of a PLY, and turn upright."""
-UPRIGHT: dict[str, Axes] = {".ply": Y_DOWN, ".spz": Y_UP, ".glb": Y_UP}
+UPRIGHT: dict[str, Axes] = {".ply": Y_DOWN, ".spz": Y_UP}
 """By a file's ending: from nerfstudio's axes to those that viewers take for upright in it."""
 
 

@@ -3,8 +3,6 @@
 Letters in shapes: H x W pixels of the photo, h x w of the pinhole's image, which is rendered.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path, PurePosixPath

@@ -1,7 +1,5 @@
 """Gaussians as PLY, with the properties that 3DGS writes: what every viewer reads."""
 
-from __future__ import annotations
-
 import io
 
 import numpy as np

@@ -3,8 +3,6 @@
 Letters in shapes: N Gaussians, K spherical-harmonics bases.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 
@@ -24,7 +22,7 @@ from desplat_ns.photo_tourism.appearance import as_harmonics
 from desplat_ns.tools.export.formats import Axes, FrameName
 
 MAX_DEGREE = 3
-"""Of the spherical harmonics that PLY, SPZ and glTF readers take."""
+"""Of the spherical harmonics that readers of PLY and SPZ take."""
 TOO_WIDE = math.exp(MAX_LOG_SCALE) / 2
 """World units. Wider Gaussians are culled in every view."""
 OFF_BY = 1 / 32
@@ -65,8 +63,7 @@ class SplatCloud:
         """Of the harmonics: K = (degree + 1)^2."""
         return math.isqrt(self.harmonics.shape[1]) - 1
 
-    def rows(self, chosen: Bool[np.ndarray, " N"]) -> SplatCloud:
-        """The chosen Gaussians only."""
+    def rows(self, chosen: Bool[np.ndarray, " N"]) -> "SplatCloud":
         arrays = {n: v for n, v in vars(self).items() if isinstance(v, np.ndarray)}
         return replace(self, **{name: values[chosen] for name, values in arrays.items()})
 
@@ -77,7 +74,7 @@ class SplatCloud:
 
 
 def xyzw(quats: Float[np.ndarray, "N 4"]) -> Float[np.ndarray, "N 4"]:
-    """Quaternions wxyz in the order of glTF and SPZ."""
+    """Quaternions wxyz in the order of SPZ."""
     return np.roll(quats, -1, axis=1)
 
 

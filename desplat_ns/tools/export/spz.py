@@ -5,8 +5,6 @@ because the packages that PyPI has fix the positions' precision, or drop the mar
 training. Letters in shapes: N Gaussians, K spherical-harmonics bases.
 """
 
-from __future__ import annotations
-
 import gzip
 import math
 import struct
@@ -44,7 +42,7 @@ def spz_bytes(cloud: SplatCloud) -> bytes:
     if bits < 0:
         raise ConfigError(
             f"A Gaussian lies {farthest:.3g} units from the origin; SPZ holds {LARGEST:.3g} at "
-            "most. Leave out what is far away (--crop 2), or write .glb or .ply."
+            "most. Leave out what is far away (--crop 2), or write .ply."
         )
     flags = ANTIALIASED if cloud.antialiased else 0
     header = struct.pack("<IIIBBBB", MAGIC, VERSION, len(cloud), cloud.degree, bits, flags, 0)
@@ -88,8 +86,8 @@ def placed(cloud: SplatCloud) -> tuple[Bool[np.ndarray, " N"], str]:
     return near, (
         f"Not in the file: {(~near).sum()} of {len(cloud)} Gaussians, more than "
         f"{LARGEST / 2.0**bits:.3g} units from the origin. SPZ rounds the places of the others to "
-        f"steps of {step:.3g} units, and Gaussians are as small as {cloud.size:.2g}. Write .glb or "
-        ".ply, or leave out more of what is far away: --crop 2."
+        f"steps of {step:.3g} units, and Gaussians are as small as {cloud.size:.2g}. Write .ply, "
+        "or leave out more of what is far away: --crop 2."
     )
 
 

@@ -1,7 +1,5 @@
 """Fetch a data set: download what is missing, from where a download ended on, and unpack it."""
 
-from __future__ import annotations
-
 import shutil
 import tarfile
 import time

@@ -1,8 +1,6 @@
 """Where the paper's data sets lie; their pages say what may be done with them. Sizes and checksums
 are not published."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 

@@ -3,8 +3,6 @@
 Letters in shapes: H x W pixels.
 """
 
-from __future__ import annotations
-
 import hashlib
 import io
 import re

@@ -10,8 +10,6 @@
 COLMAP's databases show what is done: photos with features, pairs with matches.
 """
 
-from __future__ import annotations
-
 import json
 import shlex
 import shutil

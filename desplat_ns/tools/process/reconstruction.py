@@ -11,8 +11,6 @@ as their differences from the nearest of a few words, which are learned from the
 Letters in shapes: N photos, D numbers of a descriptor.
 """
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -274,9 +272,7 @@ def similar_pairs(likeness: Float32[np.ndarray, "N N"], neighbours: int) -> list
     return sorted({(min(i, int(j)), max(i, int(j))) for i, row in enumerate(order) for j in row})
 
 
-def similarities(
-    photos: Sequence[UInt8[np.ndarray, "_ D"]],
-) -> Float32[np.ndarray, "N N"]:
+def similarities(photos: Sequence[UInt8[np.ndarray, "_ D"]]) -> Float32[np.ndarray, "N N"]:
     """Cosines between photos by their descriptors, in [-1, 1]; 0 for photos without features."""
     rng = np.random.default_rng(0)
     each = max(1, SAMPLES // len(photos))

@@ -1,7 +1,5 @@
 """What a call of `desplat-process` asks for, and which photos it names. Imported at once."""
 
-from __future__ import annotations
-
 import os
 import re
 import shlex

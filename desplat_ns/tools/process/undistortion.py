@@ -1,7 +1,5 @@
 """The capture: photos without distortion, their model, and a picture of it from above."""
 
-from __future__ import annotations
-
 import io
 import shutil
 from collections.abc import Sequence

@@ -4,8 +4,6 @@ Distance is how far the picture moves, in shares of its width, so that a camera 
 nothing. Letters in shapes: H x W pixels.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path

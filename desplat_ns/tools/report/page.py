@@ -1,7 +1,5 @@
 """The HTML page of a run: one file that needs no other and asks for none."""
 
-from __future__ import annotations
-
 import json
 import shlex
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """How good a scene is, in words, and what would make it better: causes before consequences."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from statistics import median
 from typing import Any

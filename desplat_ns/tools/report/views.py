@@ -4,8 +4,6 @@ photos do not show (the failure case of App. C.3).
 Letters in shapes: N Gaussians, P points, V photos.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -3,8 +3,6 @@
 Letters in shapes: N Gaussians, H x W pixels.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The HTML page of a scene: one file that needs no other and asks for none."""
 
-from __future__ import annotations
-
 import base64
 import gzip
 import re

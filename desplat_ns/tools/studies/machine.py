@@ -1,7 +1,5 @@
 """What figures were measured on and with which code. Nothing that names the machine itself."""
 
-from __future__ import annotations
-
 import datetime
 import platform
 import re

@@ -1,7 +1,5 @@
 """Methods, their options and captures, as `ns-train` takes them."""
 
-from __future__ import annotations
-
 import copy
 import importlib
 from collections.abc import Sequence

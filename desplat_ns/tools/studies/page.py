@@ -1,7 +1,5 @@
 """The page of a study: medians over seeds, which differences are real, and a plot."""
 
-from __future__ import annotations
-
 import io
 import re
 from collections.abc import Iterable, Mapping, Sequence

@@ -6,8 +6,6 @@ order of `TABLES`, a dash where the paper has one. A7 to A9 have the mean behind
 minutes:seconds. The mean of Splatfacto's eleven figures of A9 is 94.10; the paper prints 94.01.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace

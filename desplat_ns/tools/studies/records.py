@@ -4,8 +4,6 @@ A record is history: it names its commit and the options given. Later code or de
 it. To measure a run anew, delete its line.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass

@@ -1,8 +1,6 @@
 """`desplat-reproduce`: every method on every scene of a table with every seed, and the table in
 files: means over seeds, the paper's figures beside them, and the conditions."""
 
-from __future__ import annotations
-
 import json
 import math
 import re
@@ -19,7 +17,7 @@ from desplat_ns.metrics import lpips_weights
 from desplat_ns.tools.pages import template
 from desplat_ns.tools.studies.methods import content_of, method_config, splits_of
 from desplat_ns.tools.studies.paper import LPIPS_NET, MEAN, Method, PaperScene, Table, figures_of
-from desplat_ns.tools.studies.records import FILE, RUNS, Key, Record, conditions_of, open_records
+from desplat_ns.tools.studies.records import Key, Record, conditions_of, open_records
 from desplat_ns.tools.studies.runs import Executor, Run
 
 TEMPLATE = Path(__file__).with_name("table.md.jinja")
@@ -107,7 +105,7 @@ def reproduce(
                 "Where there is no network, copy them there first; else LPIPS is left out.",
                 warning=True,
             )
-        failed = executor.finish(runs, records, output / FILE, output / RUNS, left)
+        failed = executor.finish(runs, records, output, left)
         folder = output / (table.name + "-smoke" * (smoke is not None))
         write_table(grid, records, failed, folder)
     if failed:

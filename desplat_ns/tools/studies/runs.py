@@ -1,7 +1,5 @@
 """Runs: a method with options, trained and scored in a process of its own on one thread. Those
-without a record are done and recorded, on this machine or on a Ray cluster."""
-
-from __future__ import annotations
+without a record are done and recorded."""
 
 import json
 import os
@@ -10,17 +8,16 @@ import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 from desplat_ns.core.console import announce
 from desplat_ns.core.errors import CaptureError, DeSplatError
 from desplat_ns.tools.studies.machine import today
-from desplat_ns.tools.studies.records import Key, Record, save
+from desplat_ns.tools.studies.records import FILE, RUNS, Key, Record, save
 
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1", "OMP_WAIT_POLICY": "passive"}
 """So that runs beside each other disturb each other little: waiting threads sleep."""
@@ -30,8 +27,6 @@ QUIET += ("--steps-per-eval-image", "0", "--steps-per-eval-all-images", "0")
 PROGRAM = "desplat_ns.tools.studies.train_and_score"
 RESULTS, LOG, PICTURES = "results.json", "run.log", "pictures"
 """In the folder of a run; pictures are the held-out photos with the renderings beside them."""
-RAY = "RAY_ADDRESS"
-"""Environment variable: Ray's own, of a cluster; without it Ray is started here."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +42,7 @@ class Run:
     steps: int
     seed: int
     data: Path
-    """The capture's folder: in the same place on every machine that trains."""
+    """The capture's folder."""
     parser: tuple[str, ...] = ()
     """The data parser's name and options; empty for the method's own."""
     capture: str = ""
@@ -65,7 +60,6 @@ class Run:
 
     @property
     def key(self) -> Key:
-        """That of its record."""
         return self.method, shlex.join(self.given), self.capture or str(self.data), self.seed
 
 
@@ -93,7 +87,7 @@ def execute(run: Run, folder: Path, train: Train = in_own_process) -> Record:
     """Train and score a run. Its log, pictures and results stay in a folder of its name, instead of
     an earlier run's; checkpoints are removed. Raises DeSplatError where that failed."""
     if not run.data.exists():
-        raise CaptureError(f"There is no {run.data}. Each machine needs the capture in one place.")
+        raise CaptureError(f"There is no {run.data}, the capture of {run.name}.")
     place = folder / run.name
     shutil.rmtree(place, ignore_errors=True)
     place.mkdir(parents=True)
@@ -113,9 +107,8 @@ def execute(run: Run, folder: Path, train: Train = in_own_process) -> Record:
 
 @dataclass(frozen=True)
 class Executor:
-    """Where runs are done."""
+    """What does runs."""
 
-    name: Literal["local", "ray"] = "local"
     jobs: int = 1
     """Runs beside each other."""
     do: Do = execute
@@ -124,27 +117,25 @@ class Executor:
         self,
         runs: Iterable[Run],
         records: dict[Key, Record],
-        file: Path,
-        folder: Path,
+        output: Path,
         left: Callable[[], str] = str,
     ) -> dict[str, str]:
-        """Do all runs that have no record, in a folder, record each as it ends, and say so; why
-        some failed, by name. Raises ConfigError where records cannot be written, DeSplatError where
-        Ray is not installed.
+        """Do all runs that have no record, record each as it ends, and say so; why some failed, by
+        name. Raises ConfigError where records cannot be written.
 
         Args:
             runs: the next is asked for when there is a place for it.
-            records: those in `file`; new ones are added.
+            records: those in the output folder; new ones are added.
             left: says after each run what is left.
         """
-        failed, folder = dict[str, str](), folder.resolve()
+        failed, folder = dict[str, str](), (output / RUNS).resolve()
         coming = (run for run in runs if run.key not in records)
         pending: dict[Future[Record], Run] = {}
         folder.mkdir(parents=True, exist_ok=True)
-        with self._places() as (places, do), ThreadPoolExecutor(places) as pool:
+        with ThreadPoolExecutor(self.jobs) as pool:
             while True:
-                while len(pending) < places and (run := next(coming, None)) is not None:
-                    pending[pool.submit(do, run, folder)] = run
+                while len(pending) < self.jobs and (run := next(coming, None)) is not None:
+                    pending[pool.submit(self.do, run, folder)] = run
                 if not pending:
                     return failed
                 for future in wait(pending, return_when=FIRST_COMPLETED).done:
@@ -156,29 +147,6 @@ class Executor:
                         failed[run.name] = f"{kind}: {error}".removeprefix(": ")
                         announce(f"{run.name}: {failed[run.name]}", warning=True)
                     else:
-                        save(file, records.values())
+                        save(output / FILE, records.values())
                         score = f"{record.scores['psnr']:.2f} dB after {record.seconds:.0f} s"
                         announce(f"{run.name}: {score}. {left()}")
-
-    @contextmanager
-    def _places(self) -> Iterator[tuple[int, Do]]:
-        """How many runs are done beside each other, and what does one."""
-        if self.name == "local":
-            yield self.jobs, self.do
-            return
-        try:
-            import ray  # pyright: ignore[reportMissingImports]
-        except ImportError as error:
-            raise DeSplatError(
-                "--executor ray needs Ray. Type: pip install 'desplat-ns[ray]'."
-            ) from error
-        here: dict[str, Any] = {"num_cpus": self.jobs, "include_dashboard": False}
-        options = {} if RAY in os.environ else here
-        ray.init(log_to_driver=False, **options)
-        try:
-            resources = ray.cluster_resources()
-            gpus, cores = (int(resources.get(name, 0)) for name in ("GPU", "CPU"))
-            task = ray.remote(num_cpus=1, num_gpus=min(1, gpus))(self.do)
-            yield max(1, gpus or cores), lambda run, at: ray.get(task.remote(run, at.resolve()))
-        finally:
-            ray.shutdown()

@@ -1,8 +1,6 @@
 """`desplat-tradeoff`: what accuracy costs in time on a capture. Which runs fit into the time is
 planned, then they are done. Ended at any time, a study goes on where it was."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
@@ -15,7 +13,7 @@ from desplat_ns.core.errors import ConfigError, DeSplatError
 from desplat_ns.core.whole import only_process_in
 from desplat_ns.survey.survey import decided_effects
 from desplat_ns.tools.studies.methods import content_of, method_config, splits_of
-from desplat_ns.tools.studies.records import FILE, RUNS, Key, Record, open_records
+from desplat_ns.tools.studies.records import Key, Record, open_records
 from desplat_ns.tools.studies.runs import Executor, Run
 
 BASE = "desplat"
@@ -122,8 +120,7 @@ class Study:
         def left() -> str:
             return f"Spent: {self.spent / 60:.0f} of {self.seconds / 60:.0f} min."
 
-        file, folder = self.output / FILE, self.output / RUNS
-        return self.executor.finish(runs, self.records, file, folder, left)
+        return self.executor.finish(runs, self.records, self.output, left)
 
     def do(self) -> None:
         """Do the runs that are not done and for which time is left. Raises DeSplatError where the

@@ -3,8 +3,6 @@
 python -m desplat_ns.tools.studies.train_and_score RESULTS.json METHOD OPTIONS OF ns-train
 """
 
-from __future__ import annotations
-
 import json
 import os
 import sys

@@ -1,7 +1,5 @@
 """Data sets are read as they lie on the disk: names, camera models, and what COLMAP left out."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

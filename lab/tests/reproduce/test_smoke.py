@@ -1,7 +1,5 @@
 """Tables end to end on generated scenes that lie as the published ones do."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Altered captures: difficult occluders, few views; and the model of one pixel."""
 
-from __future__ import annotations
-
 import numpy as np
 import pycolmap
 import pytest

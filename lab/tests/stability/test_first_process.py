@@ -1,7 +1,5 @@
 """Compiles every kernel of the numba backend anew: half a minute of two cores."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """A case beyond its bound, a leak and a broken line that nobody notices are found."""
 
-from __future__ import annotations
-
 import os
 
 import pytest

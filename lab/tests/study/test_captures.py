@@ -1,7 +1,5 @@
 """Captures that are made are made once, and whole."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """What is drawn agrees with geometry."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

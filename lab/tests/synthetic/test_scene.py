@@ -1,7 +1,5 @@
 """A generated capture agrees with its own truth."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """nerfstudio's commands on a small generated Photo Tourism scene, trained once."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from dataclasses import replace

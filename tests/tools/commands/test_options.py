@@ -1,7 +1,5 @@
 """Help and mistakes answer at once, and a data parser's words stand behind a command's own."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """desplat-report on a tiny run: the page is whole; mistakes are told at once."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil

@@ -1,7 +1,5 @@
 """`desplat-survey`: the findings are written, by the data parser that is asked for."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

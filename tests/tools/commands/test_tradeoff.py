@@ -1,7 +1,5 @@
 """`desplat-tradeoff` as its user meets it: once for real on a tiny capture, and its refusals."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

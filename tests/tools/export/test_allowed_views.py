@@ -1,7 +1,5 @@
 """Who may look from where, and what nobody sees from there."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

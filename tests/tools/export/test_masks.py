@@ -1,7 +1,5 @@
 """Masks lie over the photos as they are on disk: their size, their lens, their names."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 from typing import Any

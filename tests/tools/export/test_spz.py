@@ -1,7 +1,5 @@
 """SPZ read back by the format's own library, within half a step of each quantity."""
 
-from __future__ import annotations
-
 import gzip
 import struct
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """A server on this machine that serves a file, breaks off or lies about its size."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field

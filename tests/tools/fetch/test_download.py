@@ -1,7 +1,5 @@
 """Downloads that break off, from a server on this machine."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

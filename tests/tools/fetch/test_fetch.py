@@ -1,7 +1,5 @@
 """Data sets are fetched once, and their archives put nothing elsewhere."""
 
-from __future__ import annotations
-
 import io
 import subprocess
 import sys

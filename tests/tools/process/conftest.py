@@ -1,7 +1,5 @@
 """The generated yard and its features, made once for all tests."""
 
-from __future__ import annotations
-
 from typing import TYPE_CHECKING
 
 import pytest
@@ -17,7 +15,7 @@ def one_core(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture(scope="session")
-def yard() -> Yard:
+def yard() -> "Yard":
     """A dozen views of a scene with texture everywhere, whose cameras are known."""
     from tests.helpers.yard import make_yard
 
@@ -25,12 +23,12 @@ def yard() -> Yard:
 
 
 @pytest.fixture(scope="session")
-def plain(yard: Yard, tmp_path_factory: pytest.TempPathFactory) -> Features:
+def plain(yard: "Yard", tmp_path_factory: pytest.TempPathFactory) -> "Features":
     """All views in their order, with plain features; shared: take `plain.again(folder)`."""
     return yard.features(tmp_path_factory.mktemp("plain"), range(len(yard.pictures)))
 
 
 @pytest.fixture(scope="session")
-def marked(yard: Yard, tmp_path_factory: pytest.TempPathFactory) -> Features:
+def marked(yard: "Yard", tmp_path_factory: pytest.TempPathFactory) -> "Features":
     """Every other view, with what stands still in the lowest quarter of each; shared as `plain`."""
     return yard.features(tmp_path_factory.mktemp("marked"), range(0, 12, 2), is_marked=True)

@@ -1,7 +1,5 @@
 """What hand-made numbers decide: pairs, cameras, frames, reasons."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -71,12 +69,6 @@ def test_each_photo_that_is_left_out_has_its_reason():
         for names in (tuple(f"{i:05d}.jpg" for i in range(4)), ("00007.jpg",))
     ]
     left = left_out(photos, Attempt(PLAIN, models, features, pairs))
-    begins = (
-        "blurred",
-        "bare",
-        "matches with other photos",
-        "in another model of 1 ",
-        "no matches",
-    )
+    begins = "blurred", "bare", "matches with other photos", "in another model of 1 ", "no matches"
     for (reason, sources), begin, number in zip(left.items(), begins, range(4, 9), strict=True):
         assert reason.startswith(begin) and sources == [f"{number}.png"]

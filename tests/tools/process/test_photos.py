@@ -1,7 +1,5 @@
 """Copies of photos of every kind, what is known of them, and their masks."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

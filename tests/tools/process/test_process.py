@@ -1,7 +1,5 @@
 """The whole way on the generated yard, whose cameras are known, and what a second call does."""
 
-from __future__ import annotations
-
 import json
 import re
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Real photos of two places in one folder."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from collections.abc import Callable

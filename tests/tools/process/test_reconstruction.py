@@ -1,8 +1,6 @@
 """Which photos are compared, what ties them and where they are: on the generated yard, by
 pycolmap."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path

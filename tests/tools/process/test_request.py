@@ -1,7 +1,5 @@
 """What may be processed: photos of a folder, one video, numbers in their range."""
 
-from __future__ import annotations
-
 import os
 import sys
 from pathlib import Path
@@ -75,10 +73,3 @@ def test_masks_beside_the_photos_are_told_and_a_mask_among_them_is_no_photo(
     assert len(find_photos(photos, tmp_path / "out")) == 4
     assert "masks" in capsys.readouterr().out
     assert len(find_photos(photos, tmp_path / "out", photos / "stick.png")) == 3
-
-
-def test_photos_in_a_folder_that_is_a_link_are_found(tmp_path: Path):
-    touch(tmp_path / "real", "1.jpg", "2.jpg")
-    photos = touch(tmp_path / "photos", "0.jpg")
-    (photos / "day2").symlink_to(tmp_path / "real")
-    assert find_photos(photos, tmp_path / "out") == ["0.jpg", "day2/1.jpg", "day2/2.jpg"]

@@ -1,7 +1,5 @@
 """Frames of a real video, written and read by ffmpeg."""
 
-from __future__ import annotations
-
 import subprocess
 from pathlib import Path
 

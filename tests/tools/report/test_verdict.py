@@ -1,7 +1,5 @@
 """How good a scene is said to be, and why."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import cv2

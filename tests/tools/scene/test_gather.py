@@ -1,7 +1,5 @@
 """What a tiny run's page shows is what the run holds; what cannot be is told."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Records come back as they were written, and are not mixed with those of other code."""
 
-from __future__ import annotations
-
 import subprocess
 from dataclasses import replace
 from pathlib import Path

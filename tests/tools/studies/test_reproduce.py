@@ -1,8 +1,6 @@
 """The paper's tables: every method on every scene with every seed, killed at any time; the
 protocols are those of the supplement, and its figures were copied without a slip."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,9 +1,6 @@
 """A run is trained and scored in a process of its own; runs without a record are done and
 recorded, wherever that is."""
 
-from __future__ import annotations
-
-import sys
 from pathlib import Path
 
 import pytest
@@ -92,11 +89,11 @@ def failing(run: Run, folder: Path) -> Record:
 
 
 def test_runs_are_recorded_and_those_that_fail_leave_the_others(tmp_path: Path):
-    records, places = dict[Key, Record](), (tmp_path / FILE, tmp_path)
-    failed = Executor(jobs=2, do=failing).finish(RUNS, records, *places)
+    records = dict[Key, Record]()
+    failed = Executor(jobs=2, do=failing).finish(RUNS, records, tmp_path)
     assert failed == {"a-9-1": "too dark"} and sorted(key[-1] for key in records) == [0, 2, 3]
     assert load(tmp_path / FILE) == records
-    assert Executor(do=made_up).finish(RUNS, records, *places) == {}
+    assert Executor(do=made_up).finish(RUNS, records, tmp_path) == {}
     assert [key[-1] for key in load(tmp_path / FILE)][3:] == [1], "nothing is done twice"
 
 
@@ -113,11 +110,5 @@ def test_the_next_run_is_asked_for_when_there_is_a_place_for_it(tmp_path: Path):
         events.append(("done", run.seed))
         return made_up(run, folder)
 
-    Executor(do=do).finish(coming(), {}, tmp_path / FILE, tmp_path)
+    Executor(do=do).finish(coming(), {}, tmp_path)
     assert events == [(what, seed) for seed in range(4) for what in ("asked", "done")]
-
-
-def test_a_study_without_ray_says_what_to_install(monkeypatch, tmp_path: Path):
-    monkeypatch.setitem(sys.modules, "ray", None)
-    with pytest.raises(DeSplatError, match="pip install"):
-        Executor("ray").finish(RUNS, {}, tmp_path / FILE, tmp_path)

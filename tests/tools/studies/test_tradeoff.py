@@ -1,7 +1,5 @@
 """A study of a capture with made-up runs: what fits into the time, sessions, what is claimed."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace

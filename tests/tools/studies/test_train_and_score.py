@@ -1,7 +1,5 @@
 """Only what was trained to its last step is scored."""
 
-from __future__ import annotations
-
 import time
 from pathlib import Path
 from threading import Event
