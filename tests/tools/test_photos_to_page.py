@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from desplat_ns.core.console import PART
+from desplat_ns.core.console import says_what_is_next
 from desplat_ns.core.errors import CaptureError, ConfigError
 from desplat_ns.tools import photos_to_page, preview
 from desplat_ns.tools.commands.desplat import PhotosToPage
@@ -52,7 +52,7 @@ def test_it_goes_on_where_it_was_stopped_and_then_makes_nothing_anew(
     make()
     lines = capsys.readouterr().out
     assert f"Going on from {output}" in lines and "report.html" in lines
-    assert "Part 2 of 3: " in lines and "Next: " not in lines and not PART.get()
+    assert "Part 2 of 6, training: " in lines and "Next: " not in lines and not says_what_is_next()
     made = [output / name for name in ("report.html", "scene.html", "scene.ply", "masks")]
     times = [path.stat().st_mtime_ns for path in made]
     assert json.loads((output / photos_to_page.RECORD).read_text())["trained"] == {"desplat": None}
