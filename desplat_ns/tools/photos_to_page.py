@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from nerfstudio.engine.callbacks import TrainingCallback, TrainingCallbackLocation
 from nerfstudio.scripts.train import _set_random_seed
 
 from desplat_ns.core.checkpoint import checkpoints_in
@@ -32,7 +31,6 @@ from desplat_ns.data.photo_files import photo_names
 from desplat_ns.evaluation.config import in_words
 from desplat_ns.tools.commands.export import Masks, Page, Splats
 from desplat_ns.tools.commands.report import Report
-from desplat_ns.tools.preview import Preview
 from desplat_ns.tools.process.request import Request
 from desplat_ns.tools.report.page import write_report
 from desplat_ns.tools.studies.methods import parse
@@ -190,11 +188,8 @@ def _train(
     _set_random_seed(config.machine.seed)
     trainer = config.setup(local_rank=0, world_size=1)
     trainer.setup()
-    preview = Preview(output / "preview.html", trainer)
-    after_step = [TrainingCallbackLocation.AFTER_TRAIN_ITERATION]
-    trainer.callbacks.append(TrainingCallback(after_step, preview.after_step))
+    trainer.preview.path = output / "preview.html"
     shown.begin("training", SAID["training"])
-    announce(f"To look at meanwhile: {preview.path.resolve().as_uri()}")
     trainer.train()
     if not trainer.ran_to_its_end:
         announce("The same command goes on.")

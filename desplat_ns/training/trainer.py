@@ -50,6 +50,7 @@ from desplat_ns.training import resume
 from desplat_ns.training.clock import TIMED_FROM, Clock
 from desplat_ns.training.datamanager import DeSplatDataManagerConfig, training_split
 from desplat_ns.training.pipeline import DeSplatPipeline
+from desplat_ns.training.preview import Preview
 from desplat_ns.training.run_config import RunConfig, SavedRun
 from desplat_ns.training.step_guard import GuardedOptimizers
 from desplat_ns.training.stop_signals import on_stop_signal
@@ -129,8 +130,10 @@ class DeSplatTrainer(Trainer):
             if config.budget and self._saved is not None:
                 self._take_up_budget(*self._saved)
             super().setup(test_mode)
+            after_step = [TrainingCallbackLocation.AFTER_TRAIN_ITERATION]
+            self.preview = Preview(self.base_dir / "preview.html", self)
+            self.callbacks.append(TrainingCallback(after_step, self.preview.after_step))
             if config.steps_per_save:
-                after_step = [TrainingCallbackLocation.AFTER_TRAIN_ITERATION]
                 self.callbacks.append(TrainingCallback(after_step, self._save_if_late))
             with plain_errors(self.base_dir, "--output-dir"):
                 config.write_config()
@@ -323,6 +326,7 @@ class DeSplatTrainer(Trainer):
             left = self.seconds_left = self._clock.left(done, self.total)
             steps = f"{self.total - done:,} steps"
             announce(f"{about(left).capitalize()} on this machine for {steps}.")
+        self.preview.begin(done)
         # nerfstudio 1.1.5 trains as many steps *more*; only its loop is to see the smaller number
         self.config = copy.copy(whole)
         self.config.max_num_iterations = most - done
@@ -371,6 +375,7 @@ class DeSplatTrainer(Trainer):
         try:
             with self.pipeline.static_scene():
                 super().eval_iteration(step)
+            self.preview.after_step(step, is_evaluated=True)
         except Exception:
             resume.restore_rng(state)
             self.save_checkpoint(step)
@@ -389,6 +394,7 @@ class DeSplatTrainer(Trainer):
         if self.optimizers.exhausted:
             raise self.optimizers.error(checkpoint_path(self.checkpoint_dir, self.step))
         writer.write_out_storage()
+        self.preview.end(self._steps_done)
         for callback in self.callbacks:
             callback.run_callback_at_location(self.step, TrainingCallbackLocation.AFTER_TRAIN)
         if not self.ran_to_its_end:

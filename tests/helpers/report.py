@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 
 from desplat_ns.core.effects import Effects
+from desplat_ns.core.pages import Picture
 from desplat_ns.distractors.config import DistractorConfig
-from desplat_ns.tools.pages import Picture
 from desplat_ns.tools.report.pictures import ShownPhoto
 
 

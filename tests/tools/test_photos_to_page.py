@@ -8,8 +8,9 @@ import pytest
 
 from desplat_ns.core.console import says_what_is_next
 from desplat_ns.core.errors import CaptureError, ConfigError
-from desplat_ns.tools import photos_to_page, preview
+from desplat_ns.tools import photos_to_page
 from desplat_ns.tools.commands.desplat import PhotosToPage
+from desplat_ns.training import preview
 from lab.synthetic import write_scene
 from tests.helpers.registered import EIGHT_VIEWS
 
@@ -36,8 +37,8 @@ def test_it_goes_on_where_it_was_stopped_and_then_makes_nothing_anew(
     write_scene(EIGHT_VIEWS, tmp_path / "photos")
     output, after_step = tmp_path / "out", preview.Preview.after_step
 
-    def stop(self: Any, step: int) -> None:
-        after_step(self, step)
+    def stop(self: Any, step: int, **how: Any) -> None:
+        after_step(self, step, **how)
         if step == STOPPED_AT:
             self.trainer._stop_after_this_step("Ctrl+C")
 

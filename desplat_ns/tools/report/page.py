@@ -10,13 +10,13 @@ from typing import Any
 
 from desplat_ns.core.console import announce, list_names
 from desplat_ns.core.errors import CaptureError, ConfigError
+from desplat_ns.core.pages import fitted_into, template
 from desplat_ns.core.run_files import SURVEY, RunFiles
 from desplat_ns.core.whole import plain_errors, write_whole
 from desplat_ns.evaluation.config import in_words
 from desplat_ns.evaluation.evaluate import gaussian_counts
 from desplat_ns.tools.commands.report import Report
 from desplat_ns.tools.loading import LoadedRun, even_subset, load_run
-from desplat_ns.tools.pages import fitted_into, template
 from desplat_ns.tools.report.pictures import ERROR_TOP, held_out_photos, marked, training_photos
 from desplat_ns.tools.report.verdict import verdict
 from desplat_ns.tools.report.views import disputed_places, seen_alone

@@ -16,11 +16,11 @@ from torch import Tensor
 from desplat_ns.cameras.near_plane import scene_start
 from desplat_ns.cameras.views import view_of
 from desplat_ns.core.console import progress_over
+from desplat_ns.core.pages import Picture, over_checkerboard, picture_of, to_rgb8
 from desplat_ns.distractors.distractors import apply_mask
-from desplat_ns.tools.pages import LARGEST_SIDE, Picture, over_checkerboard, shrunk, to_rgb8
 from desplat_ns.tools.report.verdict import detail_kept
 from desplat_ns.tools.report.views import Unlike, unlike_in
-from desplat_ns.tools.scene.gather import Rgb, training_images
+from desplat_ns.tools.scene.gather import Rgb
 from desplat_ns.training.pipeline import DeSplatPipeline
 
 ERROR_TOP = 0.25
@@ -55,7 +55,7 @@ def training_photos(pipeline: DeSplatPipeline, chosen: Sequence[int]) -> Iterato
         model.shown_light.suspended(),
         progress_over(len(chosen), "Rendering training photos...") as advance,
     ):
-        for index, camera, batch in training_images(manager, chosen):
+        for index, camera, batch in manager.training_images(chosen):
             camera = camera.to(pipeline.device)
             outputs = model.get_outputs_for_camera(camera)
             photo = model.photo_of(outputs, {"image": batch["image"].to(pipeline.device)})
@@ -76,12 +76,6 @@ def training_photos(pipeline: DeSplatPipeline, chosen: Sequence[int]) -> Iterato
                 pictures["mask"] = picture_of(mask, BESIDE)
             yield ShownPhoto(name, pictures, covered, unlike)
             advance()
-
-
-def picture_of(image: Tensor | np.ndarray, share: float = 1.0) -> Picture:
-    """An image [H, W, 1 or 3], in [0, 1] or of 8 bits, as large as a page may need it."""
-    pixels = to_rgb8(torch.as_tensor(image).detach().cpu().numpy())
-    return Picture(shrunk(pixels, LARGEST_SIDE), share)
 
 
 def marked(photo: ShownPhoto, where: Bool[np.ndarray, "rows columns"]) -> Picture:

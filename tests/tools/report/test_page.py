@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from desplat_ns.tools.pages import Picture
+from desplat_ns.core.pages import Picture
 from desplat_ns.tools.report import page
 from desplat_ns.tools.report.page import report_html
 from desplat_ns.tools.report.views import Disputed

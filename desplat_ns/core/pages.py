@@ -14,6 +14,7 @@ from typing import Any, TypeAlias
 
 import jinja2
 import numpy as np
+import torch
 from jaxtyping import Bool, Float, UInt8
 from PIL import Image
 
@@ -63,6 +64,13 @@ class Picture:
         pixels = shrunk(self.pixels, max(1, round(side * self.share)))
         Image.fromarray(pixels).save(buffer, "WEBP", quality=quality, method=2)
         return f"data:image/webp;base64,{base64.b64encode(buffer.getvalue()).decode()}"
+
+
+def picture_of(image: Any, share: float = 1.0) -> Picture:
+    """An image [H, W, 1 or 3], tensor or array, in [0, 1] or of 8 bits, as large as a page may need
+    it."""
+    pixels = to_rgb8(torch.as_tensor(image).detach().cpu().numpy())
+    return Picture(shrunk(pixels, LARGEST_SIDE), share)
 
 
 def fitted_into(pictures: Sequence[Picture], budget: int) -> list[str]:

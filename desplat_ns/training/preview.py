@@ -5,19 +5,18 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from desplat_ns.core.console import about
+from desplat_ns.core.console import about, announce
+from desplat_ns.core.pages import fitted_into, picture_of, template
 from desplat_ns.core.whole import write_whole
 from desplat_ns.evaluation.halves import embedding_from_left_half, right_half
 from desplat_ns.metrics import psnr
-from desplat_ns.tools.pages import fitted_into, template
-from desplat_ns.tools.report.pictures import picture_of
-from desplat_ns.tools.scene.gather import training_images
 from desplat_ns.training import resume
 
 TEMPLATE = Path(__file__).with_name("preview.html.jinja")
 EVERY, COST = 60.0, 0.01
-"""Seconds from one preview to the next at least, and the share of the time that they may cost."""
-PAGE_BYTES = 1_000_000
+"""Seconds from one preview to the next, and the share of the time that all may cost."""
+PAGE_BYTES, SIDE = 1_000_000, 0.6
+"""Of the pictures on the page at most, and their share of a page's largest."""
 
 
 class Preview:
@@ -28,27 +27,50 @@ class Preview:
         self.path, self.trainer, self.pipeline = path, trainer, trainer.pipeline
         self.curve: list[tuple[int, float]] = []
         """Steps, and PSNR of the right half of the held-out photo."""
-        self._due = time.monotonic() + EVERY / 3  # a first look comes early
+        self._shown: dict[str, Any] = {"covered": 0, "photos": []}
+        self._began = self._due = time.monotonic()
+        self._spent = self._last = 0.0
 
-    def after_step(self, step: int) -> None:
-        """Write the page where one is due; training is as without it."""
+    def begin(self, step: int) -> None:
+        """Write the page before there is anything to look at, and say where it is."""
+        self._began = time.monotonic()
+        self._due = self._began + EVERY / 3  # a first look comes early
+        self._write(step)
+        announce(f"To look at meanwhile: {self.path.resolve().as_uri()}")
+
+    def after_step(self, step: int, is_evaluated: bool = False) -> None:
+        """Draw and write the page where one is due, or the scene was evaluated, unless that would
+        cost more than `COST` of the time; training is as without it."""
         began = time.monotonic()
-        if began < self._due:
+        is_affordable = self._spent + self._last <= COST * (began - self._began)
+        if not is_affordable or not (is_evaluated or began >= self._due):
             return
         state, was_training = resume.rng_state(), self.pipeline.training
         self.pipeline.eval()
         try:
-            # what cannot be drawn or written is no reason to end the training
-            with self.pipeline.static_scene(), suppress(Exception):
-                write_whole(self.path, self._page(step + 1).encode())
+            # what cannot be drawn is no reason to end the training
+            with suppress(Exception), self.pipeline.static_scene():
+                self._shown = self._drawn(step + 1)
+            self._write(step + 1)
         finally:
             self.pipeline.train(was_training)
             resume.restore_rng(state)
         now = time.monotonic()
-        self._due = now + max(EVERY, (now - began) / COST)
+        self._due, self._last = now + EVERY, now - began
+        self._spent += self._last
 
-    def _page(self, step: int) -> str:
-        left = self.trainer.seconds_left
+    def end(self, steps: int) -> None:
+        """Let the page say that the run is over; it loads itself no more."""
+        self._write(steps, is_over=True)
+
+    def _write(self, step: int, is_over: bool = False) -> None:
+        left, total = self.trainer.seconds_left, max(step, self.trainer.total)
+        shown = {"step": step, "total": total, "curve": self.curve, **self._shown}
+        shown["left"] = "" if left is None or is_over else about(left)
+        with suppress(OSError):
+            write_whole(self.path, template(TEMPLATE).render(over=is_over, **shown).encode())
+
+    def _drawn(self, step: int) -> dict[str, Any]:
         model, manager = self.pipeline.model, self.pipeline.datamanager
         held_out, covered = manager.eval_dataset, model.photos_with_distractors()
         shown: list[tuple[str, list[tuple[str, Any]]]] = []
@@ -71,18 +93,13 @@ class Preview:
             pictures = [("photo", photo), ("scene", outputs["rgb_static"])]
             pictures += [("in the way", outputs["distractor_mask"].float())]
             shown.append((f"{manager.train_image_names[number]}, with most in the way", pictures))
-        sources = iter(fitted_into([picture_of(i) for _, row in shown for _, i in row], PAGE_BYTES))
-        return template(TEMPLATE).render(
-            step=step,
-            total=max(step, self.trainer.total),
-            left="" if left is None else about(left),
-            curve=self.curve,
-            covered=len(covered),
-            photos=[(title, [(what, next(sources)) for what, _ in row]) for title, row in shown],
-        )
+        pictures = [picture_of(image, SIDE) for _, row in shown for _, image in row]
+        sources = iter(fitted_into(pictures, PAGE_BYTES))
+        drawn = [(title, [(what, next(sources)) for what, _ in row]) for title, row in shown]
+        return {"covered": len(covered), "photos": drawn}
 
     def _training_photo(self, index: int) -> tuple[dict[str, Any], Any]:
         manager, model = self.pipeline.datamanager, self.pipeline.model
-        _, camera, batch = next(training_images(manager, [index]))
+        _, camera, batch = next(manager.training_images([index]))
         outputs = model.get_outputs_for_camera(camera.to(model.device))
         return outputs, model.photo_of(outputs, {"image": batch["image"].to(model.device)})
