@@ -51,6 +51,7 @@ def contents(**changes: Any) -> dict[str, Any]:
         "num_photos": 3,
         "counts": {"num_static_gaussians": 1200, "num_distractor_gaussians": 340},
         "verdict": [],
+        "found": "",
         "distractors": DistractorConfig(start="residual"),
         "disputed": None,
         "alone": {"photo_1.png": 0.2},

@@ -18,7 +18,7 @@ from desplat_ns.cameras.views import view_of
 from desplat_ns.core.console import progress_over
 from desplat_ns.core.pages import Picture, over_checkerboard, picture_of, to_rgb8
 from desplat_ns.distractors.distractors import apply_mask
-from desplat_ns.tools.report.verdict import detail_kept
+from desplat_ns.tools.report.verdict import detail_kept, shown_anyway
 from desplat_ns.tools.report.views import Unlike, unlike_in
 from desplat_ns.tools.scene.gather import Rgb
 from desplat_ns.training.pipeline import DeSplatPipeline
@@ -42,6 +42,8 @@ class ShownPhoto:
     of a held-out one `error`."""
     covered: float | None = None
     """Share of the photo inside the mask, in [0, 1]."""
+    shown_anyway: float = 0.0
+    """Share of the mask where the static scene shows what the photo does."""
     unlike: Unlike | None = None
     figures: Mapping[str, Any] = field(default_factory=dict)
     """Of the evaluation."""
@@ -59,7 +61,7 @@ def training_photos(pipeline: DeSplatPipeline, chosen: Sequence[int]) -> Iterato
             camera = camera.to(pipeline.device)
             outputs = model.get_outputs_for_camera(camera)
             photo = model.photo_of(outputs, {"image": batch["image"].to(pipeline.device)})
-            name, covered, unlike = manager.train_image_names[index], None, None
+            name, covered, anyway, unlike = manager.train_image_names[index], None, 0.0, None
             static = outputs.get("rgb_static", outputs["rgb"])
             pictures = {"photo": picture_of(photo, CARD), "rendering": picture_of(static, CARD)}
             if model.distractors is not None:
@@ -69,12 +71,12 @@ def training_photos(pipeline: DeSplatPipeline, chosen: Sequence[int]) -> Iterato
                 by = model.distractors.thresholds
                 unlike = unlike_in(name, view_of(camera), alpha_d, seen, static, by)
                 mask = outputs["distractor_mask"].float()
-                covered = float(mask.mean())
+                covered, anyway = float(mask.mean()), shown_anyway(photo, static, mask)
                 drawn = (outputs["rgb_distractor"].cpu().numpy(), alpha_d.cpu().numpy())
                 drawn = over_checkerboard(*drawn, max(8, max(photo.shape) // 48))
                 pictures["distractors"] = picture_of(drawn, BESIDE)
                 pictures["mask"] = picture_of(mask, BESIDE)
-            yield ShownPhoto(name, pictures, covered, unlike)
+            yield ShownPhoto(name, pictures, covered, anyway, unlike)
             advance()
 
 
