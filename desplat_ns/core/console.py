@@ -108,7 +108,7 @@ class Telling:
         now = time.monotonic()
         if left is not None:
             self._end = now + left if is_whole else max(self._end, now + left)
-        self._what, self._share = what, share
+        self._what, self._share = what, share if is_whole else None
         wait = TOLD_FROM if tenth and not self.parts else self._wait
         if self._time() and now >= self._last_line + wait and not CONSOLE.is_terminal:
             self._last_line, self._wait = now, TOLD_EVERY
@@ -122,8 +122,8 @@ class Telling:
         line.add_column(ratio=2)
         line.add_column(no_wrap=True, justify="right")
         spent, left = time.monotonic() - self._began, self._left()
-        share = self._share if self._share is not None and not self.parts else None
-        share = spent / max(spent + left, 1e-9) if share is None and left else share
+        share = None if self.parts else self._share
+        share = spent / (spent + left) if share is None and left else share
         self._reached = max(self._reached, share or 0.0)
         bar = ProgressBar(1.0, self._reached, pulse=share is None)
         line.add_row(Text(self._text(), "green"), bar, self._time())
@@ -160,8 +160,8 @@ def telling(parts: Mapping[str, float] | None = None) -> Iterator[tuple[Telling,
     token = _TELLING.set(shown)
     line: Any = nullcontext()
     if CONSOLE.is_terminal:
-        options = {"console": CONSOLE, "transient": True, "refresh_per_second": 2}
-        line = Live(get_renderable=shown.drawn, **options)
+        how: dict[str, Any] = {"console": CONSOLE, "transient": True, "refresh_per_second": 2}
+        line = Live(get_renderable=shown.drawn, **how)
     try:
         with line:
             yield shown, not parts
@@ -194,9 +194,8 @@ def progress_with_time_left(label: str, alike: bool = True) -> Iterator[Callable
         def show(done: int, total: int) -> None:
             seen.append((time.monotonic(), done))
             left = seconds_left(seen, total) if alike else None
-            shown.tell(
-                f"{label.rstrip('.')}, {done} of {total}", done / max(total, 1), left, is_whole
-            )
+            what = f"{label.rstrip('.')}, {done} of {total}"
+            shown.tell(what, done / max(total, 1), left, is_whole)
 
         yield show
 

@@ -14,7 +14,6 @@ from typing import Any, TypeAlias
 
 import jinja2
 import numpy as np
-import torch
 from jaxtyping import Bool, Float, UInt8
 from PIL import Image
 
@@ -69,8 +68,8 @@ class Picture:
 def picture_of(image: Any, share: float = 1.0) -> Picture:
     """An image [H, W, 1 or 3], tensor or array, in [0, 1] or of 8 bits, as large as a page may need
     it."""
-    pixels = to_rgb8(torch.as_tensor(image).detach().cpu().numpy())
-    return Picture(shrunk(pixels, LARGEST_SIDE), share)
+    pixels = image.detach().cpu().numpy() if hasattr(image, "detach") else image
+    return Picture(shrunk(to_rgb8(pixels), LARGEST_SIDE), share)
 
 
 def fitted_into(pictures: Sequence[Picture], budget: int) -> list[str]:

@@ -1,7 +1,7 @@
 """The way from photos to pages in one process; each part is made where it is missing.
 
 OUTPUT/capture                      photos with poses, if PHOTOS has none
-OUTPUT/training/METHOD/run          the trained run
+OUTPUT/training/NAME/METHOD/run     the trained run, by OUTPUT's name
 OUTPUT/preview.html                 to look at while it trains
 OUTPUT/report.html, scene.html      pages about the run, and of the scene itself
 OUTPUT/scene.ply, masks/            for other programs
@@ -19,7 +19,7 @@ import torch
 from nerfstudio.scripts.train import _set_random_seed
 
 from desplat_ns.core.checkpoint import checkpoints_in
-from desplat_ns.core.console import Telling, about, announce, telling, time_in_words
+from desplat_ns.core.console import CONSOLE, Telling, about, announce, telling, time_in_words
 from desplat_ns.core.cores import cores
 from desplat_ns.core.errors import ConfigError, DeSplatError
 from desplat_ns.core.run_files import RunFiles, find_run
@@ -47,7 +47,7 @@ SAID = {
     "report": "report.html, a page about it.",
     "page": "scene.html, to walk around in.",
     "ply": "scene.ply, for other programs.",
-    "masks": "masks of what was in the way.",
+    "masks": "what was in the way, photo by photo.",
 }
 """The parts, and what each is."""
 FILES = {"report": "report.html", "page": "scene.html", "ply": "scene.ply", "masks": "masks"}
@@ -66,18 +66,15 @@ def make(photos: Path, output: Path, method: str, budget: float | None) -> None:
         SystemExit: training was stopped.
     """
     began = time.monotonic()
+    CONSOLE.log = lambda *_, **__: None  # nerfstudio's, each with a line of its source
     with only_process_in(output), _record(output, photos) as done:
         is_posed = is_capture(photos)
         capture = photos if is_posed else output / "capture"
-        config = output / "training" / method / "run" / "config.yml"
+        config = _run_folder(output, method) / "config.yml"
         config = photos if photos.name == "config.yml" else config
-        missing = list(FILES)
+        missing = list(SAID)[is_capture(capture) :]
         if config == photos or method in done.setdefault("trained", {}):
-            missing = [
-                part for part, name in FILES.items() if not _is_of(config, output / name, done)
-            ]
-        else:
-            missing = [*["poses"] * (not is_capture(capture)), "survey", "training", *missing]
+            missing = [part for part in FILES if not _is_of(config, output / FILES[part], done)]
         seconds = expected_seconds(photos, method, budget) if missing else {}
         with telling({part: seconds[part] for part in missing}) as (shown, _):
             if missing:
@@ -89,7 +86,7 @@ def make(photos: Path, output: Path, method: str, budget: float | None) -> None:
                         shown.begin("poses", SAID["poses"])
                     Request(photos, capture).main()
                 _train(capture, output, method, budget, began, done, shown)
-            for line in _pages(find_run(config), output, done, shown):
+            for line in filter(None, _pages(find_run(config), output, done, shown)):
                 announce(line)
     announce(f"Done in {time_in_words(time.monotonic() - began)}.")
 
@@ -122,8 +119,8 @@ def expected_seconds(photos: Path, method: str, budget: float | None) -> dict[st
     }
     if budget is not None:
         before = seconds["survey"] + (0.0 if is_capture(photos) else seconds["poses"])
-        training = budget * (1 - PAGES_SHARE) - before
-        seconds["training"] = max(LEAST_TRAINING, min(training, 2 * seconds["training"]))
+        left = budget * (1 - PAGES_SHARE) - before
+        seconds["training"] = max(LEAST_TRAINING, min(left, settings.nominal_num_iterations * step))
     return seconds
 
 
@@ -152,6 +149,12 @@ def _record(output: Path, photos: Path) -> Iterator[dict[str, Any]]:
         write_whole(path, json.dumps(done, indent=1).encode())
 
 
+def _run_folder(output: Path, method: str) -> Path:
+    """Of the trained run; pages have the name of the folder that it lies in as their title."""
+    name = output.resolve().name.removeprefix("desplat-") or "scene"
+    return output / "training" / name / method / "run"
+
+
 def _train(
     capture: Path,
     output: Path,
@@ -162,14 +165,15 @@ def _train(
     shown: Telling,
 ) -> None:
     """Train a method on a capture to the end of its run, if it is not."""
-    folder, trained = output / "training" / method / "run", done["trained"]
+    folder, trained = _run_folder(output, method), done["trained"]
     if method in trained:
         if budget is not None and budget > (trained[method] or budget):
             announce(f"{folder} is trained to its end. To train longer, name another OUTPUT.")
         return
     shown.begin("survey", SAID["survey"])
-    options = ["--data", str(capture), "--output-dir", str(output), "--vis", "tensorboard"]
-    options += ["--experiment-name", "training", "--timestamp", "run"]
+    options = ["--data", str(capture), "--output-dir", str(output / "training")]
+    options += ["--experiment-name", folder.parents[1].name, "--timestamp", "run"]
+    options += ["--vis", "tensorboard"]
     if budget is not None:
         spent = time.monotonic() - began
         left = budget * (1 - PAGES_SHARE) - spent
@@ -227,6 +231,7 @@ def _pages(files: RunFiles, output: Path, done: dict[str, Any], shown: Telling) 
         yield f"{page['steps']:,} steps on {page['num_photos']} photos."
         if page["results"]:
             yield f"Photos that were held out: {in_words(page['results'])}."
+        yield page["found"]
         yield from (f"- {what} {cure}" for what, cure in page["verdict"])
     yield f"Look at it, in any browser: {(output / 'report.html').resolve().as_uri()}"
     yield f"Walk around in it:          {(output / 'scene.html').resolve().as_uri()}"

@@ -39,25 +39,25 @@ class Preview:
         announce(f"To look at meanwhile: {self.path.resolve().as_uri()}")
 
     def after_step(self, step: int, is_evaluated: bool = False) -> None:
-        """Draw and write the page where one is due, or the scene was evaluated, unless that would
-        cost more than `COST` of the time; training is as without it."""
+        """Write the page where one is due, or the scene was evaluated, and draw it anew unless that
+        would cost more than `COST` of the time; training is as without it."""
         began = time.monotonic()
-        is_affordable = self._spent + self._last <= COST * (began - self._began)
-        if not is_affordable or not (is_evaluated or began >= self._due):
+        if not (is_evaluated or began >= self._due):
             return
-        state, was_training = resume.rng_state(), self.pipeline.training
-        self.pipeline.eval()
-        try:
-            # what cannot be drawn is no reason to end the training
-            with suppress(Exception), self.pipeline.static_scene():
-                self._shown = self._drawn(step + 1)
-            self._write(step + 1)
-        finally:
-            self.pipeline.train(was_training)
-            resume.restore_rng(state)
-        now = time.monotonic()
-        self._due, self._last = now + EVERY, now - began
-        self._spent += self._last
+        if self._spent + self._last <= COST * (began - self._began):
+            state, was_training = resume.rng_state(), self.pipeline.training
+            self.pipeline.eval()
+            try:
+                # what cannot be drawn is no reason to end the training
+                with suppress(Exception), self.pipeline.static_scene():
+                    self._shown = self._drawn(step + 1)
+            finally:
+                self.pipeline.train(was_training)
+                resume.restore_rng(state)
+            self._last = time.monotonic() - began
+            self._spent += self._last
+        self._write(step + 1)
+        self._due = time.monotonic() + EVERY
 
     def end(self, steps: int) -> None:
         """Let the page say that the run is over; it loads itself no more."""
@@ -84,7 +84,7 @@ class Preview:
                 with model.shown_in(embedding_from_left_half(model, camera, photo, fit)):
                     outputs = model.get_outputs_for_camera(camera)
             self.curve.append((step, psnr(right_half(outputs["rgb"]), right_half(photo))))
-            name = f"{held_out.image_filenames[number].name}, which does not train"
+            name = f"{held_out.image_filenames[number].name}, held out: not trained on"
             shown.append((name, [("photo", photo), ("scene", outputs["rgb"])]))
         if covered:
             counts = model.distractors.counts()

@@ -5,7 +5,6 @@ import pty
 import re
 import sys
 from contextlib import suppress
-from itertools import count
 from types import SimpleNamespace
 
 import pytest
@@ -27,26 +26,34 @@ def test_what_was_done_before_sets_no_pace():
 
 @pytest.fixture
 def lines(monkeypatch):
-    """What is announced while a clock goes on by ten seconds with each look at it."""
-    said, clock = list[str](), count(0, 10)
+    """What is announced, while `pass_ten_seconds` moves the clock."""
+    said, now = list[str](), [0.0]
     monkeypatch.setattr(console, "announce", said.append)
-    monkeypatch.setattr(console, "time", SimpleNamespace(monotonic=lambda: float(next(clock))))
-    return said
+    monkeypatch.setattr(console, "time", SimpleNamespace(monotonic=lambda: now[0]))
+    return said, lambda: now.__setitem__(0, now[0] + 10)
 
 
 def test_where_no_bar_can_be_drawn_a_line_a_minute_tells_the_time(lines):
+    said, pass_ten_seconds = lines
     with progress_over(20, "Rendering...") as advance:
         for _ in range(20):
+            pass_ten_seconds()
             advance()
-    assert [line.split(",")[0] for line in lines] == ["Rendering"] * len(lines)
-    assert 3 <= len(lines) <= 12 and "about 3 min" in lines[0]
+    assert said == [
+        "Rendering, 1 of 20, about 3 min left.",
+        "Rendering, 7 of 20, about 2 min left.",
+        "Rendering, 13 of 20, about 1 min 10 s left.",
+        "Rendering, 19 of 20, about 10 s left.",
+    ]
 
 
 def test_of_parts_that_differ_no_time_is_told(lines):
+    said, pass_ten_seconds = lines
     with progress_with_time_left("Mapping", alike=False) as show:
         for done in range(20):
+            pass_ten_seconds()
             show(done, 20)
-    assert not lines
+    assert not said
 
 
 SHOWS_A_BAR = """

@@ -61,7 +61,7 @@ def test_it_goes_on_where_it_was_stopped_and_then_makes_nothing_anew(
     make()
     assert [path.stat().st_mtime_ns for path in made] == times
 
-    PhotosToPage(output / "training/desplat/run/config.yml", tmp_path / "again").main()
+    PhotosToPage(output / "training/out/desplat/run/config.yml", tmp_path / "again").main()
     assert all((tmp_path / "again" / path.name).exists() for path in made)
     with pytest.raises(ConfigError, match="budget"):
         PhotosToPage(tmp_path / "photos", tmp_path / "short", budget="20s").main()

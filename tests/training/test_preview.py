@@ -10,7 +10,7 @@ from tests.helpers.stub_run import assert_same
 
 def test_a_page_after_each_step_shows_photos_and_changes_no_bit(tiny_run, tmp_path, monkeypatch):
     states = []
-    for name, every, cost in (("without", 1e9, 0.0), ("with", 0.0, 1e9)):
+    for name, every, cost in (("without", 1e9, -1.0), ("with", 0.0, 1e9)):
         monkeypatch.setattr(preview, "EVERY", every)
         monkeypatch.setattr(preview, "COST", cost)
         trainer = set_up(tiny_run(tmp_path / name), 1)

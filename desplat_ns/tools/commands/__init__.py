@@ -38,13 +38,7 @@ class OfRun:
 def run(command: Any, **options: Any) -> None:
     """Read a dataclass's options, or a union's, by `tyro.cli` with `options`; call its `main`."""
     name = _begin()
-    if is_dataclass(command):  # tyro says first what is missing, and nothing of a typo
-        known = _options(command)
-        negated = [f"--no-{option.removeprefix('--')}" for option in known]
-        for word in sys.argv[1:]:
-            plain = word.partition("=")[0].replace("_", "-")
-            if word.startswith("--") and plain not in (*known, *negated, "--help"):
-                raise ConfigError(_no_option(word, name, known))
+    _refuse_typos(command, name)
     parsed = tyro.cli(command, prog=name, **options)
     _say_what_begins(name, parsed)
     parsed.main()
@@ -86,6 +80,18 @@ def split_words(command: Any, name: str, words: Sequence[str]) -> tuple[Any, tup
             "--downscale-factor 2."
         )
     return parsed, tuple(rest)
+
+
+def _refuse_typos(command: Any, name: str) -> None:
+    """tyro says first what is missing, and nothing of a typo. Raises ConfigError."""
+    if not is_dataclass(command):
+        return
+    known = _options(command)
+    negated = [f"--no-{option.removeprefix('--')}" for option in known]
+    for word in sys.argv[1:]:
+        plain = word.partition("=")[0].replace("_", "-")
+        if word.startswith("--") and plain not in (*known, *negated, "--help"):
+            raise ConfigError(_no_option(word, name, known))
 
 
 def _options(command: Any) -> list[str]:
