@@ -1,7 +1,5 @@
 """The page to look at while a run trains: it shows the run, and changes nothing of it."""
 
-from __future__ import annotations
-
 from desplat_ns.core.checkpoint import load_newest
 from desplat_ns.training import preview
 from tests.helpers.registered import set_up
