@@ -17,7 +17,7 @@ from typing import Any
 from console import CONSOLE, DemoError, execute, printing_to, shown
 
 from desplat_ns.core.errors import DeSplatError
-from desplat_ns.tools.pages import Shown, over_checkerboard
+from desplat_ns.core.pages import Shown, over_checkerboard
 from lab.pictures import write_image
 from lab.sheet import sheet
 from lab.synthetic import Frame, Scene, SceneSpec, write_scene

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import UInt8
 from PIL import Image, ImageDraw, ImageFont
 
-from desplat_ns.tools.pages import Shown, to_rgb8
+from desplat_ns.core.pages import Shown, to_rgb8
 
 GAP, BAR = 6, 24
 """Pixels between pictures; height of a line of text."""

@@ -1,25 +1,26 @@
 """What is said on the console: lines, lists of names, progress bars."""
 
 import os
+import shutil
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, nullcontext, suppress
 from contextvars import ContextVar
 from functools import cache
 from itertools import count
 from typing import Any
 
 from nerfstudio.utils.rich_utils import CONSOLE
+from rich.live import Live
 from rich.markup import escape
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.progress_bar import ProgressBar
+from rich.table import Table
+from rich.text import Text
 
 from desplat_ns.core.errors import printable
 
 LISTED_NAMES = 10
 """So many names are listed in an error; the rest is counted."""
-PART = ContextVar("PART", default="")
-"""What lines of progress begin with, as `Part 1 of 3: `, in a command that says itself what is
-next."""
 TOLD_FROM, TOLD_EVERY = 5.0, 60.0
 """Seconds after which the time that is left is told first, and from one line to the next."""
 
@@ -68,9 +69,114 @@ def about(seconds: float) -> str:
     return f"about {time_in_words(float(unit * round(seconds / unit)))}"
 
 
+class Telling:
+    """What is told of the work at hand: on a terminal in one line with a bar, which is rewritten;
+    elsewhere in a line after `TOLD_FROM` seconds, and in one each `TOLD_EVERY`."""
+
+    def __init__(self, parts: Mapping[str, float]):
+        """`parts`: of a command, in their order, with the seconds that each is expected to take;
+        empty for work that is not divided."""
+        self.parts = dict(parts)
+        self._begun, self._what = 0, ""
+        self._share: float | None = None
+        self._began = self._end = self._last_line = time.monotonic()
+        self._reached, self._wait = 0.0, TOLD_FROM
+
+    def begin(self, part: str, said: str) -> None:
+        """A part begins: a line says what it is, and how long it and all that is left take."""
+        seconds, self._begun = self.parts[part], 1 + list(self.parts).index(part)
+        self._end, self._what = time.monotonic() + seconds, ""
+        whole = f"; {about(self._left())} with all that follows" if self._later() else ""
+        announce(f"{self._text()}: {said} {about(seconds).capitalize()}{whole}.")
+
+    def tell(
+        self,
+        what: str,
+        share: float | None,
+        left: float | None,
+        is_whole: bool,
+        tenth: bool = False,
+    ) -> None:
+        """Say what is being done.
+
+        Args:
+            share: of `what` that is done, in [0, 1].
+            left: seconds until it is; None where that is not known.
+            is_whole: whether the part, or work that is not divided, ends with it.
+            tenth: whether another tenth of work that is not divided is done: it is told early.
+        """
+        now = time.monotonic()
+        if left is not None:
+            self._end = now + left if is_whole else max(self._end, now + left)
+        self._what, self._share = what, share if is_whole else None
+        wait = TOLD_FROM if tenth and not self.parts else self._wait
+        if self._time() and now >= self._last_line + wait and not CONSOLE.is_terminal:
+            self._last_line, self._wait = now, TOLD_EVERY
+            announce(f"{self._text()}, {self._time()}.")
+
+    def drawn(self) -> Table:
+        """The line of a terminal, in any width: nerfstudio's console takes all for 120 columns."""
+        line = Table.grid(padding=(0, 1), expand=True)
+        line.width = min(CONSOLE.width, shutil.get_terminal_size().columns - 1)
+        line.add_column(no_wrap=True, overflow="ellipsis", ratio=3)
+        line.add_column(ratio=2)
+        line.add_column(no_wrap=True, justify="right")
+        spent, left = time.monotonic() - self._began, self._left()
+        share = None if self.parts else self._share
+        share = spent / (spent + left) if share is None and left else share
+        self._reached = max(self._reached, share or 0.0)
+        bar = ProgressBar(1.0, self._reached, pulse=share is None)
+        line.add_row(Text(self._text(), "green"), bar, self._time())
+        return line
+
+    def _text(self) -> str:
+        if not self._begun:
+            return self._what
+        name = f"Part {self._begun} of {len(self.parts)}, {list(self.parts)[self._begun - 1]}"
+        return f"{name}: {self._what}" if self._what else name
+
+    def _later(self) -> float:
+        """Seconds that the parts after this one are expected to take."""
+        return sum(list(self.parts.values())[self._begun :], 0.0)
+
+    def _left(self) -> float:
+        return max(0.0, self._end - time.monotonic()) + self._later()
+
+    def _time(self) -> str:
+        return f"{about(left)} left" if (left := self._left()) >= 1 else ""
+
+
+_TELLING = ContextVar[Telling | None]("_TELLING", default=None)
+
+
+@contextmanager
+def telling(parts: Mapping[str, float] | None = None) -> Iterator[tuple[Telling, bool]]:
+    """What tells of the work within, and whether it is for this work alone: one line tells of all
+    that a command does. `parts`: of a command that tells itself what it does next."""
+    if (outer := _TELLING.get()) is not None:
+        yield outer, False
+        return
+    shown = Telling(parts or {})
+    token = _TELLING.set(shown)
+    line: Any = nullcontext()
+    if CONSOLE.is_terminal:
+        how: dict[str, Any] = {"console": CONSOLE, "transient": True, "refresh_per_second": 2}
+        line = Live(get_renderable=shown.drawn, **how)
+    try:
+        with line:
+            yield shown, not parts
+    finally:
+        _TELLING.reset(token)
+
+
+def says_what_is_next() -> bool:
+    """Whether the command at work has parts: those say nothing of commands to type."""
+    return (shown := _TELLING.get()) is not None and bool(shown.parts)
+
+
 @contextmanager
 def progress_over(total: int, label: str) -> Iterator[Any]:
-    """A bar on the console with the time left; calling what is yielded advances it by one."""
+    """Tells of so many like things; calling what is yielded advances it by one."""
     with progress_with_time_left(label) as show:
         show(0, total)
         done = count(1)
@@ -79,30 +185,17 @@ def progress_over(total: int, label: str) -> Iterator[Any]:
 
 @contextmanager
 def progress_with_time_left(label: str, alike: bool = True) -> Iterator[Callable[[int, int], None]]:
-    """A bar on the console with the time left; what is yielded takes what is done and the total.
-    Where no bar can be drawn, as in a log, the time is told in lines; where not all parts are
-    `alike`, so that the first say nothing of the others, it is not told."""
-    label = f"{PART.get()}{label}"
-    columns = (
-        TextColumn("[progress.description]{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        TextColumn("{task.fields[left]}"),
-    )
-    with Progress(*columns, console=CONSOLE, transient=True) as bar:
-        task = bar.add_task(f"[green]{escape(label)}", total=None, left="")
-        seen, next_line = list[tuple[float, int]](), time.monotonic() + TOLD_FROM
+    """Tells how far work is and when it ends; what is yielded takes what is done and the total.
+    Where not all parts are `alike`, so that the first say nothing of the others, no time is told.
+    """
+    with telling() as (shown, is_whole):
+        seen = list[tuple[float, int]]()
 
         def show(done: int, total: int) -> None:
-            nonlocal next_line
-            seen.append((now := time.monotonic(), done))
+            seen.append((time.monotonic(), done))
             left = seconds_left(seen, total) if alike else None
-            text = f"{about(left)} left" if left else ""
-            bar.update(task, completed=done, total=total, left=text)
-            if left and now >= next_line and not CONSOLE.is_terminal:
-                next_line = now + TOLD_EVERY
-                announce(f"{label.rstrip('.')}: {text} on this machine.")
+            what = f"{label.rstrip('.')}, {done} of {total}"
+            shown.tell(what, done / max(total, 1), left, is_whole)
 
         yield show
 

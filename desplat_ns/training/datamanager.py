@@ -2,6 +2,7 @@
 
 import os
 import random
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -20,6 +21,7 @@ from nerfstudio.data.dataparsers.base_dataparser import DataParserConfig, Datapa
 from nerfstudio.data.dataparsers.blender_dataparser import Blender
 from torch import Tensor
 
+from desplat_ns.cameras.views import is_distorted
 from desplat_ns.core.console import announce, list_names
 from desplat_ns.core.errors import CaptureError
 from desplat_ns.core.options import check_ranges, ranged
@@ -215,6 +217,18 @@ class DeSplatDataManager(FullImageDatamanager[CaptureDataset]):
         """Pixels of the first training photo; upstream (1.1.5) asks for the photo itself."""
         cameras = self.train_dataset.cameras
         return int(cameras.width[0] * cameras.height[0])
+
+    def training_images(
+        self, chosen: Sequence[int]
+    ) -> Iterator[tuple[int, Cameras, dict[str, Any]]]:
+        """Training views with their camera [1] and their photo as trained on, `image` of 8 bits and
+        perhaps `mask`; undistorted. Raises CaptureError of a photo that cannot be read any more."""
+        dataset, undistorted = self.train_dataset, None
+        if is_distorted(dataset.cameras):
+            undistorted = self.cached_train  # changes the cameras
+        for index in chosen:
+            batch = undistorted[index] if undistorted else dataset.get_data(index, "uint8")
+            yield index, dataset.cameras[index : index + 1], batch
 
     def _load_images(
         self, split: Literal["train", "eval"], cache_images_device: Literal["cpu", "gpu"]

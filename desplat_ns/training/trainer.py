@@ -20,8 +20,6 @@ from nerfstudio.engine.trainer import Trainer
 from nerfstudio.utils import writer
 from nerfstudio.utils.decorators import check_main_thread
 from nerfstudio.utils.misc import step_check
-from rich.live import Live
-from rich.text import Text
 from torch.optim.lr_scheduler import LambdaLR
 
 from desplat_ns.backend.registry import compile_kernels
@@ -34,7 +32,7 @@ from desplat_ns.core.checkpoint import (
     save_atomically,
     step_of,
 )
-from desplat_ns.core.console import CONSOLE, PART, TOLD_EVERY, TOLD_FROM, about, announce
+from desplat_ns.core.console import TOLD_FROM, Telling, about, announce, says_what_is_next, telling
 from desplat_ns.core.errors import CaptureError, CheckpointError, ConfigError
 from desplat_ns.core.optimizers import follow, load_moments, optimizer_options, set_position
 from desplat_ns.core.run_files import SURVEY
@@ -52,6 +50,7 @@ from desplat_ns.training import resume
 from desplat_ns.training.clock import TIMED_FROM, Clock
 from desplat_ns.training.datamanager import DeSplatDataManagerConfig, training_split
 from desplat_ns.training.pipeline import DeSplatPipeline
+from desplat_ns.training.preview import Preview
 from desplat_ns.training.run_config import RunConfig, SavedRun
 from desplat_ns.training.step_guard import GuardedOptimizers
 from desplat_ns.training.stop_signals import on_stop_signal
@@ -97,8 +96,8 @@ class DeSplatTrainer(Trainer):
         self._most = self.total = 0  # steps in all that are allowed, and aimed at
         self._prices: tuple[float, ...] = ()
         self._clock: Clock | None = None
-        self._last_end = self._last_told = 0.0
-        self._line = Live(console=CONSOLE, auto_refresh=False, transient=True)
+        self._last_end = self._count_by = 0.0
+        self._telling = Telling({})
         self._folder_lock = ExitStack()
         self._save_by = 0.0
         self.seconds_left: float | None = None
@@ -131,8 +130,10 @@ class DeSplatTrainer(Trainer):
             if config.budget and self._saved is not None:
                 self._take_up_budget(*self._saved)
             super().setup(test_mode)
+            after_step = [TrainingCallbackLocation.AFTER_TRAIN_ITERATION]
+            self.preview = Preview(self.base_dir / "preview.html", self)
+            self.callbacks.append(TrainingCallback(after_step, self.preview.after_step))
             if config.steps_per_save:
-                after_step = [TrainingCallbackLocation.AFTER_TRAIN_ITERATION]
                 self.callbacks.append(TrainingCallback(after_step, self._save_if_late))
             with plain_errors(self.base_dir, "--output-dir"):
                 config.write_config()
@@ -277,8 +278,7 @@ class DeSplatTrainer(Trainer):
         return max(0.0, whole - pixel * pixels / last**2), pixel
 
     def _tell_time(self, step: int, began: float) -> None:
-        """Learn from a step that began at a time, and say what is left: on a terminal in a line
-        that is rewritten, in a log once a minute and at each tenth of the run."""
+        """Learn from a step that began at a time, and say what is left."""
         now, clock = self._seconds(), self._clock
         # what lies between two steps can be a pause, or an evaluation
         seconds, self._last_end = min(now - self._last_end, 3 * (now - began)), now
@@ -287,16 +287,15 @@ class DeSplatTrainer(Trainer):
         clock.after_step(step, seconds)
         if self._plan and int(now) > int(now - seconds):  # once a second
             self._aim(clock, step)
-        done, total, waited = step + 1, self.total, now - self._last_told
+        done, total = step + 1, self.total
         is_tenth = 10 * done // total > 10 * step // total
-        every = TOLD_FROM if is_tenth else TOLD_EVERY
-        if done < total and waited >= (1.0 if CONSOLE.is_terminal else every):
-            self._last_told, self.seconds_left = now, clock.left(done, total)
-            line = f"{PART.get()}Step {done:,} of {total:,}, {about(self.seconds_left)} left."
-            if CONSOLE.is_terminal:
-                self._line.update(Text(line), refresh=True)
-            else:
-                announce(line)
+        if done < total and (is_tenth or int(now) > int(now - seconds)):
+            left = None
+            if is_tenth or now >= self._count_by:  # the clock asks every step that is left
+                left = self.seconds_left = clock.left(done, total)
+                self._count_by = now + TOLD_FROM
+            line = f"Step {done:,} of {total:,}"
+            self._telling.tell(line, None, left, is_whole=True, tenth=is_tenth)
 
     def _seconds(self) -> float:
         """Since the command began, without compiling; of a run that goes on all that is spent."""
@@ -321,18 +320,20 @@ class DeSplatTrainer(Trainer):
         if self._saved_rng is not None:
             resume.restore_rng(self._saved_rng)
         if self._prices:
-            self._clock, self._last_told = Clock(self.pipeline, *self._prices), self._seconds()
+            self._clock = Clock(self.pipeline, *self._prices)
             if self._plan:
                 self._aim(self._clock, done)
-            left = self._clock.left(done, self.total)
+            left = self.seconds_left = self._clock.left(done, self.total)
             steps = f"{self.total - done:,} steps"
             announce(f"{about(left).capitalize()} on this machine for {steps}.")
+        self.preview.begin(done)
         # nerfstudio 1.1.5 trains as many steps *more*; only its loop is to see the smaller number
         self.config = copy.copy(whole)
         self.config.max_num_iterations = most - done
         self._save_by = time.monotonic() + MOST_UNSAVED
         try:
-            with on_stop_signal(self._stop_after_this_step), self._line:
+            with on_stop_signal(self._stop_after_this_step), telling() as (self._telling, _):
+                self._telling.tell("Training", None, self.seconds_left, is_whole=True)
                 super().train()
         except CaptureError:
             self.stop_training = True
@@ -371,17 +372,16 @@ class DeSplatTrainer(Trainer):
         if not any(step_check(step, n) for n in (*intervals, config.steps_per_eval_all_images)):
             return
         state = resume.rng_state()
-        self._line.stop()  # evaluation has a bar of its own
         try:
             with self.pipeline.static_scene():
                 super().eval_iteration(step)
+            self.preview.after_step(step, is_evaluated=True)
         except Exception:
             resume.restore_rng(state)
             self.save_checkpoint(step)
             raise
         finally:
             resume.restore_rng(state)
-            self._line.start()
 
     def _after_train(self) -> None:
         """Save and report, in place of nerfstudio's, which counts the step before which a run was
@@ -394,6 +394,7 @@ class DeSplatTrainer(Trainer):
         if self.optimizers.exhausted:
             raise self.optimizers.error(checkpoint_path(self.checkpoint_dir, self.step))
         writer.write_out_storage()
+        self.preview.end(self._steps_done)
         for callback in self.callbacks:
             callback.run_callback_at_location(self.step, TrainingCallbackLocation.AFTER_TRAIN)
         if not self.ran_to_its_end:
@@ -403,7 +404,7 @@ class DeSplatTrainer(Trainer):
         announce(f"{self._steps_done} steps: {len(model.gauss_params['means'])} static Gaussians.")
         for line in model.found_in_the_way():
             announce(line)
-        if not PART.get():
+        if not says_what_is_next():
             announce(f"Next: desplat-report --load-config {config}")
             announce(f"      desplat-export page --load-config {config} --output scene.html")
 

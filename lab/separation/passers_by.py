@@ -24,9 +24,9 @@ from jaxtyping import Bool, Float
 from PIL import Image
 
 from desplat_ns.cameras.views import world_to_camera
+from desplat_ns.core.pages import to_rgb8
 from desplat_ns.core.run_files import find_run
 from desplat_ns.tools.loading import load_run
-from desplat_ns.tools.pages import to_rgb8
 from lab import parser_of
 from lab.separation import family
 from lab.sheet import sheet

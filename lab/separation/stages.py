@@ -12,13 +12,13 @@ from jaxtyping import Float
 from PIL import Image
 from torch import Tensor
 
+from desplat_ns.core.pages import Shown, over_checkerboard, to_rgb8
 from desplat_ns.core.run_files import find_run
 from desplat_ns.data.training_views import train_index
 from desplat_ns.separation.decide import StaticView, compare, decide
 from desplat_ns.separation.grid import fine_grid_of, grid_of, pooled
 from desplat_ns.separation.residuals import local_residual, medians_in
 from desplat_ns.tools.loading import load_run
-from desplat_ns.tools.pages import Shown, over_checkerboard, to_rgb8
 from lab import DOCS, parser_of
 from lab.separation.passers_by import photo_of
 from lab.sheet import sheet

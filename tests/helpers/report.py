@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 
 from desplat_ns.core.effects import Effects
+from desplat_ns.core.pages import Picture
 from desplat_ns.distractors.config import DistractorConfig
-from desplat_ns.tools.pages import Picture
 from desplat_ns.tools.report.pictures import ShownPhoto
 
 
@@ -51,6 +51,7 @@ def contents(**changes: Any) -> dict[str, Any]:
         "num_photos": 3,
         "counts": {"num_static_gaussians": 1200, "num_distractor_gaussians": 340},
         "verdict": [],
+        "found": "",
         "distractors": DistractorConfig(start="residual"),
         "disputed": None,
         "alone": {"photo_1.png": 0.2},

@@ -6,10 +6,11 @@ from typing import Any
 
 import pytest
 
-from desplat_ns.core.console import PART
+from desplat_ns.core.console import says_what_is_next
 from desplat_ns.core.errors import CaptureError, ConfigError
-from desplat_ns.tools import photos_to_page, preview
+from desplat_ns.tools import photos_to_page
 from desplat_ns.tools.commands.desplat import PhotosToPage
+from desplat_ns.training import preview
 from lab.synthetic import write_scene
 from tests.helpers.registered import EIGHT_VIEWS
 
@@ -36,8 +37,8 @@ def test_it_goes_on_where_it_was_stopped_and_then_makes_nothing_anew(
     write_scene(EIGHT_VIEWS, tmp_path / "photos")
     output, after_step = tmp_path / "out", preview.Preview.after_step
 
-    def stop(self: Any, step: int) -> None:
-        after_step(self, step)
+    def stop(self: Any, step: int, **how: Any) -> None:
+        after_step(self, step, **how)
         if step == STOPPED_AT:
             self.trainer._stop_after_this_step("Ctrl+C")
 
@@ -52,7 +53,7 @@ def test_it_goes_on_where_it_was_stopped_and_then_makes_nothing_anew(
     make()
     lines = capsys.readouterr().out
     assert f"Going on from {output}" in lines and "report.html" in lines
-    assert "Part 2 of 3: " in lines and "Next: " not in lines and not PART.get()
+    assert "Part 2 of 6, training: " in lines and "Next: " not in lines and not says_what_is_next()
     made = [output / name for name in ("report.html", "scene.html", "scene.ply", "masks")]
     times = [path.stat().st_mtime_ns for path in made]
     assert json.loads((output / photos_to_page.RECORD).read_text())["trained"] == {"desplat": None}
@@ -60,7 +61,7 @@ def test_it_goes_on_where_it_was_stopped_and_then_makes_nothing_anew(
     make()
     assert [path.stat().st_mtime_ns for path in made] == times
 
-    PhotosToPage(output / "training/desplat/run/config.yml", tmp_path / "again").main()
+    PhotosToPage(output / "training/out/desplat/run/config.yml", tmp_path / "again").main()
     assert all((tmp_path / "again" / path.name).exists() for path in made)
     with pytest.raises(ConfigError, match="budget"):
         PhotosToPage(tmp_path / "photos", tmp_path / "short", budget="20s").main()

@@ -2,7 +2,7 @@
 
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, is_dataclass
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
@@ -38,6 +38,7 @@ class OfRun:
 def run(command: Any, **options: Any) -> None:
     """Read a dataclass's options, or a union's, by `tyro.cli` with `options`; call its `main`."""
     name = _begin()
+    _refuse_typos(command, name)
     parsed = tyro.cli(command, prog=name, **options)
     _say_what_begins(name, parsed)
     parsed.main()
@@ -73,10 +74,32 @@ def split_words(command: Any, name: str, words: Sequence[str]) -> tuple[Any, tup
     words = [word.removeprefix("--data=") for word in words if word != "--data"]
     parsed, rest = tyro.cli(command, prog=name, args=words, return_unknown_args=True)
     if rest and rest[0].startswith("-"):
-        near = get_close_matches(rest[0], [option_of(f.name) for f in fields(command)], 1)
-        meant = f"Did you mean {near[0]}?" if near else "See --help."
+        said = _no_option(rest[0], name, _options(command))
         raise ConfigError(
-            f"{rest[0]} is no option of {name}. {meant} Options of a data parser follow its "
-            f"name, as in: {name} DATA colmap --downscale-factor 2."
+            f"{said} Options of a data parser follow its name, as in: {name} DATA colmap "
+            "--downscale-factor 2."
         )
     return parsed, tuple(rest)
+
+
+def _refuse_typos(command: Any, name: str) -> None:
+    """tyro says first what is missing, and nothing of a typo. Raises ConfigError."""
+    if not is_dataclass(command):
+        return
+    known = _options(command)
+    negated = [f"--no-{option.removeprefix('--')}" for option in known]
+    for word in sys.argv[1:]:
+        plain = word.partition("=")[0].replace("_", "-")
+        if word.startswith("--") and plain not in (*known, *negated, "--help"):
+            raise ConfigError(_no_option(word, name, known))
+
+
+def _options(command: Any) -> list[str]:
+    """A dataclass's, on the command line; not what is given by its place."""
+    return [option_of(f.name) for f in fields(command) if "Positional" not in str(f.type)]
+
+
+def _no_option(word: str, name: str, known: Sequence[str]) -> str:
+    near = get_close_matches(word.partition("=")[0].replace("_", "-"), known, 1)
+    meant = f"Did you mean {near[0]}?" if near else f"It has {', '.join(known)}."
+    return f"{word} is no option of {name}. {meant}"

@@ -19,7 +19,7 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-from desplat_ns.core.console import PART, announce, list_names
+from desplat_ns.core.console import announce, list_names, says_what_is_next
 from desplat_ns.core.errors import CaptureError, ConfigError
 from desplat_ns.core.options import option_of
 from desplat_ns.core.whole import IN_USE, check_room, only_process_in, write_whole
@@ -249,4 +249,4 @@ def report_lines(output: Path, findings: Mapping[str, Any]) -> list[str]:
         "worth training. It comes from zoom that changes (try --cameras photo, with another "
         "OUTPUT), a rolling shutter, pictures of 360 degrees, or things that move."
     )
-    return [*lines, *([bent] if findings["is_bent"] else [train] * (not PART.get()))]
+    return [*lines, *([bent] if findings["is_bent"] else [train] * (not says_what_is_next()))]

@@ -24,6 +24,11 @@ STEP = 0.02
 and compression move it less."""
 LEAST_GAP = 0.04
 """Of the width between frames that are taken: nearer ones show the same."""
+COARSE, LOST, FAR = 4.0, 0.5, 0.1
+"""Difference that the optical flow leaves between frames that are blurred by so many pixels, in
+standard deviations of the first, from which on it found nothing: 0.01 to 0.02 where the picture
+moved by 0.04 of its width or less, 0.16 at most where one frame is shaken, 0.8 to 2.6 between
+frames that are a second's walk apart. And what it is taken to have moved by then."""
 TEXTURED = 0.8
 """Quantile of the texture: motion is seen in the fifth of the pixels above it. A plain wall behind
 an object shows none."""
@@ -82,12 +87,19 @@ def look_at(video: Path) -> list[Frame]:
 
 
 def motion(first: UInt8[np.ndarray, "H W"], second: UInt8[np.ndarray, "H W"]) -> float:
-    """Median of the optical flow between two frames where the first has most texture, in widths."""
+    """Median of the optical flow between two frames where the first has most texture, in widths;
+    `FAR` where it finds nothing, as between frames that are seconds apart."""
     flow = cv2.calcOpticalFlowFarneback(
         first, second, np.zeros((*first.shape, 2), np.float32), 0.5, 3, 15, 2, 5, 1.2, 0
     )
     texture = cv2.blur(np.abs(cv2.Laplacian(first, cv2.CV_32F)), (15, 15))
     is_textured = texture >= np.quantile(texture, TEXTURED)
+    rows, columns = np.indices(first.shape, np.float32)
+    one, two = (cv2.GaussianBlur(i.astype(np.float32), (0, 0), COARSE) for i in (first, second))
+    back = cv2.remap(two, columns + flow[..., 0], rows + flow[..., 1], cv2.INTER_LINEAR)
+    left = np.abs(back - one)[is_textured].mean()
+    if left > LOST * max(20.0, float(one[is_textured].std())):
+        return FAR
     return float(np.median(np.linalg.norm(flow, axis=2)[is_textured])) / first.shape[1]
 
 

@@ -5,21 +5,21 @@ import shlex
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
-from statistics import fmean
 from typing import Any
 
 from desplat_ns.core.console import announce, list_names
 from desplat_ns.core.errors import CaptureError, ConfigError
+from desplat_ns.core.pages import fitted_into, template
 from desplat_ns.core.run_files import SURVEY, RunFiles
+from desplat_ns.core.schedule import GPU_VISITS, steps_for_visits
 from desplat_ns.core.whole import plain_errors, write_whole
 from desplat_ns.evaluation.config import in_words
 from desplat_ns.evaluation.evaluate import gaussian_counts
 from desplat_ns.tools.commands.report import Report
 from desplat_ns.tools.loading import LoadedRun, even_subset, load_run
-from desplat_ns.tools.pages import fitted_into, template
 from desplat_ns.tools.report.pictures import ERROR_TOP, held_out_photos, marked, training_photos
-from desplat_ns.tools.report.verdict import verdict
-from desplat_ns.tools.report.views import disputed_places, seen_alone
+from desplat_ns.tools.report.verdict import found_in_words, verdict
+from desplat_ns.tools.report.views import disputed_places, seen_together
 from desplat_ns.tools.scene.gather import scene_of
 from desplat_ns.tools.scene.page import scene_html
 
@@ -30,8 +30,6 @@ SCENE_BYTES = 5_500_000
 """Of the scene, with the pictures in it."""
 SIZE = "<!-- size -->"
 """In the template, where the page names its size."""
-HARDLY = 0.001
-"""Share of the photos. Distractors that cover less have found nothing."""
 MUCH = 0.5
 """Share of a photo. Medians over the views need places to be free in most of them."""
 
@@ -63,6 +61,17 @@ def shown_of(run: LoadedRun, most_training: int, most_held_out: int) -> dict[str
     photos = list(training_photos(pipeline, even_subset(num_photos, most_training)))
     results, held_out = held_out_photos(pipeline, most_held_out)
     planned = None if config.budget else config.max_num_iterations
+    masks = [(photo.covered, photo.shown_anyway) for photo in photos if photo.covered is not None]
+    alone, places = seen_together(pipeline)
+    left_out = dict[str, list[str]]()
+    data: Any = config.pipeline.datamanager.data
+    with suppress(OSError, ValueError, LookupError, TypeError):  # not of desplat-process
+        record = Path(data) / "process.json"
+        left_out = json.loads(record.read_text("utf8"))["findings"]["left_out"]
+    visits = config.visits * (1 if config.machine.device_type == "cpu" else GPU_VISITS)
+    wanted = steps_for_visits(visits, num_photos, config.nominal_num_iterations)
+    of_photos = masks, places, left_out, wanted if config.budget else 0
+    said = verdict(run.steps, planned, num_photos, results, *of_photos)
     survey, findings = run.files.folder / SURVEY, None
     with suppress(OSError, ValueError):  # a run may have none
         findings = json.loads(survey.read_text("utf8"))
@@ -72,7 +81,8 @@ def shown_of(run: LoadedRun, most_training: int, most_held_out: int) -> dict[str
         "capture": str(config.pipeline.datamanager.data or ""),
         "config": shlex.quote(str(run.files.config)),
         "steps": run.steps,
-        "verdict": [*verdict(run.steps, planned, num_photos, results)],
+        "verdict": [*said],
+        "found": found_in_words(masks),
         "num_photos": num_photos,
         "counts": gaussian_counts(model.gauss_params, model.distractors),
         "training": photos,
@@ -80,7 +90,7 @@ def shown_of(run: LoadedRun, most_training: int, most_held_out: int) -> dict[str
         "results": results,  # empty where none are held out
         "distractors": None if model.distractors is None else model.distractors.config,
         "disputed": disputed_places(model.means, [p.unlike for p in photos if p.unlike]),
-        "alone": seen_alone(pipeline),
+        "alone": alone,
         "effects": model.effects,
         "survey": findings,
         "in_the_way": model.photos_with_distractors(),
@@ -106,7 +116,6 @@ def report_html(shown: Mapping[str, Any], scene: str = "") -> str:
         num_covered=sum(map(bool, shares.values())),
         hidden=[name for name, share in shares.items() if share > MUCH],
         much=f"{MUCH:.0%}",
-        found_nothing=bool(shares) and fmean(shares.values()) <= HARDLY,
         held_out=drawn[len(training) :],
         where=where,
         error_top=f"{ERROR_TOP:.0%}",

@@ -16,11 +16,11 @@ from torch import Tensor
 from desplat_ns.cameras.near_plane import scene_start
 from desplat_ns.cameras.views import view_of
 from desplat_ns.core.console import progress_over
+from desplat_ns.core.pages import Picture, over_checkerboard, picture_of, to_rgb8
 from desplat_ns.distractors.distractors import apply_mask
-from desplat_ns.tools.pages import LARGEST_SIDE, Picture, over_checkerboard, shrunk, to_rgb8
-from desplat_ns.tools.report.verdict import detail_kept
+from desplat_ns.tools.report.verdict import detail_kept, shown_anyway
 from desplat_ns.tools.report.views import Unlike, unlike_in
-from desplat_ns.tools.scene.gather import Rgb, training_images
+from desplat_ns.tools.scene.gather import Rgb
 from desplat_ns.training.pipeline import DeSplatPipeline
 
 ERROR_TOP = 0.25
@@ -42,6 +42,8 @@ class ShownPhoto:
     of a held-out one `error`."""
     covered: float | None = None
     """Share of the photo inside the mask, in [0, 1]."""
+    shown_anyway: float = 0.0
+    """Share of the mask where the static scene shows what the photo does."""
     unlike: Unlike | None = None
     figures: Mapping[str, Any] = field(default_factory=dict)
     """Of the evaluation."""
@@ -55,11 +57,11 @@ def training_photos(pipeline: DeSplatPipeline, chosen: Sequence[int]) -> Iterato
         model.shown_light.suspended(),
         progress_over(len(chosen), "Rendering training photos...") as advance,
     ):
-        for index, camera, batch in training_images(manager, chosen):
+        for index, camera, batch in manager.training_images(chosen):
             camera = camera.to(pipeline.device)
             outputs = model.get_outputs_for_camera(camera)
             photo = model.photo_of(outputs, {"image": batch["image"].to(pipeline.device)})
-            name, covered, unlike = manager.train_image_names[index], None, None
+            name, covered, anyway, unlike = manager.train_image_names[index], None, 0.0, None
             static = outputs.get("rgb_static", outputs["rgb"])
             pictures = {"photo": picture_of(photo, CARD), "rendering": picture_of(static, CARD)}
             if model.distractors is not None:
@@ -69,19 +71,13 @@ def training_photos(pipeline: DeSplatPipeline, chosen: Sequence[int]) -> Iterato
                 by = model.distractors.thresholds
                 unlike = unlike_in(name, view_of(camera), alpha_d, seen, static, by)
                 mask = outputs["distractor_mask"].float()
-                covered = float(mask.mean())
+                covered, anyway = float(mask.mean()), shown_anyway(photo, static, mask)
                 drawn = (outputs["rgb_distractor"].cpu().numpy(), alpha_d.cpu().numpy())
                 drawn = over_checkerboard(*drawn, max(8, max(photo.shape) // 48))
                 pictures["distractors"] = picture_of(drawn, BESIDE)
                 pictures["mask"] = picture_of(mask, BESIDE)
-            yield ShownPhoto(name, pictures, covered, unlike)
+            yield ShownPhoto(name, pictures, covered, anyway, unlike)
             advance()
-
-
-def picture_of(image: Tensor | np.ndarray, share: float = 1.0) -> Picture:
-    """An image [H, W, 1 or 3], in [0, 1] or of 8 bits, as large as a page may need it."""
-    pixels = to_rgb8(torch.as_tensor(image).detach().cpu().numpy())
-    return Picture(shrunk(pixels, LARGEST_SIDE), share)
 
 
 def marked(photo: ShownPhoto, where: Bool[np.ndarray, "rows columns"]) -> Picture:

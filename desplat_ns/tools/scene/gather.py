@@ -4,7 +4,7 @@ Letters in shapes: N Gaussians, H x W pixels.
 """
 
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import date
 from typing import Any
@@ -19,9 +19,9 @@ from desplat_ns.backend.accumulated_weights import accumulated_weights
 from desplat_ns.backend.constants import NEAR_PLANE
 from desplat_ns.backend.protocol import RenderSettings, Splats, View
 from desplat_ns.cameras.near_plane import scene_start
-from desplat_ns.cameras.views import is_distorted
 from desplat_ns.core.console import progress_over, text_of
 from desplat_ns.core.errors import CaptureError, ConfigError
+from desplat_ns.core.pages import LARGEST_SIDE, shrunk, to_rgb8
 from desplat_ns.data.training_views import image_names
 from desplat_ns.gaussians.activation import activate_distractors
 from desplat_ns.model import DeSplatModel
@@ -30,8 +30,6 @@ from desplat_ns.tools.export.export import reach_of, shown_in, static_cloud
 from desplat_ns.tools.export.formats import Y_UP
 from desplat_ns.tools.export.splat_cloud import Similarity, SplatCloud, baked, harmonics_of
 from desplat_ns.tools.loading import LoadedRun, even_subset
-from desplat_ns.tools.pages import LARGEST_SIDE, shrunk, to_rgb8
-from desplat_ns.training.datamanager import DeSplatDataManager
 from desplat_ns.training.pipeline import DeSplatPipeline
 
 AVERAGE = "the photos' average"
@@ -142,7 +140,7 @@ def scene_of(
         model.layer_control.suspended(),
         progress_over(sum(counts), "Gathering photos...") as advance,
     ):
-        for index, camera, batch in training_images(manager, training):
+        for index, camera, batch in manager.training_images(training):
             name = manager.train_image_names[index]
             cameras.append(_page_camera(model, camera, batch["image"], name, index))
             advance()
@@ -167,19 +165,6 @@ def scene_of(
             other_lights=other_lights(model, rows, cameras[0].view),
             not_shown=not_shown,
         )
-
-
-def training_images(
-    manager: DeSplatDataManager, chosen: Sequence[int]
-) -> Iterator[tuple[int, Cameras, dict[str, Any]]]:
-    """Training views with their camera [1] and their photo as trained on, `image` of 8 bits and
-    perhaps `mask`; undistorted. Raises CaptureError of a photo that cannot be read any more."""
-    dataset, undistorted = manager.train_dataset, None
-    if is_distorted(dataset.cameras):
-        undistorted = manager.cached_train  # changes the cameras
-    for index in chosen:
-        batch = undistorted[index] if undistorted else dataset.get_data(index, "uint8")
-        yield index, dataset.cameras[index : index + 1], batch
 
 
 def _page_camera(

@@ -13,13 +13,13 @@ from jaxtyping import Bool, Float
 
 from desplat_ns.core.console import announce
 from desplat_ns.core.errors import ConfigError
+from desplat_ns.core.pages import Picture, fitted_into, template
 from desplat_ns.core.run_files import RunFiles
 from desplat_ns.core.whole import plain_errors, write_whole
 from desplat_ns.tools.commands.export import Page
 from desplat_ns.tools.export.splat_cloud import SplatCloud, moved, turned_harmonics
 from desplat_ns.tools.export.spz import color_bytes, placed, spz_bytes
 from desplat_ns.tools.loading import load_run
-from desplat_ns.tools.pages import Picture, fitted_into, template
 from desplat_ns.tools.scene.gather import TO_PAGE, PageScene, scene_of
 
 HERE = Path(__file__).parent

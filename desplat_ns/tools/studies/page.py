@@ -14,8 +14,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
 from scipy.stats import ttest_1samp
 
+from desplat_ns.core.pages import template
 from desplat_ns.core.whole import plain_errors, write_whole
-from desplat_ns.tools.pages import template
 from desplat_ns.tools.studies.records import Key, Record, conditions_of
 from desplat_ns.tools.studies.runs import Run
 from desplat_ns.tools.studies.tradeoff import BASE, SEEDS, Study, compared

@@ -12,9 +12,9 @@ from typing import Any, NamedTuple
 
 from desplat_ns.core.console import about, announce, list_names
 from desplat_ns.core.errors import CaptureError, DeSplatError
+from desplat_ns.core.pages import template
 from desplat_ns.core.whole import only_process_in, plain_errors, whole_folder
 from desplat_ns.metrics import lpips_weights
-from desplat_ns.tools.pages import template
 from desplat_ns.tools.studies.methods import content_of, method_config, splits_of
 from desplat_ns.tools.studies.paper import LPIPS_NET, MEAN, Method, PaperScene, Table, figures_of
 from desplat_ns.tools.studies.records import Key, Record, conditions_of, open_records

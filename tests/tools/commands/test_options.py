@@ -48,6 +48,8 @@ ABSENT = ["--load-config", "absent.yml"]
         ("tradeoff", ["--help"], 0, "--time"),
         ("reproduce", ["--help"], 0, "--smoke"),
         ("reproduce", ["A5", "--data", "/absent"], 1, "desplat-fetch-data"),
+        ("desplat", ["--bugdet", "3min", "photos"], 1, "Did you mean --budget?"),
+        ("desplat", ["--typo", "photos"], 1, "It has --budget, --method."),
     ],
 )
 def test_help_and_mistakes_import_nothing_heavy(

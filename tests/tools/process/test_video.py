@@ -11,7 +11,7 @@ import pytest
 from desplat_ns.core.errors import CaptureError
 from desplat_ns.data.images import read_image
 from desplat_ns.tools.process.request import Request
-from desplat_ns.tools.process.video import motion, pixel_aspect, take_frames
+from desplat_ns.tools.process.video import FAR, motion, pixel_aspect, take_frames
 from tests.helpers.yard import BLUR, SIZE, Yard, view_of
 
 pytestmark = pytest.mark.slow
@@ -48,6 +48,12 @@ def test_a_thing_that_moves_before_a_plain_wall_is_seen_to_move():
     first, second = wall.copy(), wall.copy()
     first[40:150, 90:220] = second[40:150, 98:228] = cv2.GaussianBlur(thing, (0, 0), 2)
     assert motion(first, second) == pytest.approx(8 / 320, rel=0.2)
+
+
+def test_between_frames_that_share_nothing_the_picture_moved_far():
+    noise = np.random.default_rng(0).integers(0, 256, (2, 18, 32), dtype=np.uint8)
+    first, second = (cv2.resize(one, (320, 180), interpolation=cv2.INTER_CUBIC) for one in noise)
+    assert motion(first, second) == FAR and motion(first, first) < 1e-6
 
 
 @pytest.mark.parametrize("aspect", [(4, 3), (3, 4)])

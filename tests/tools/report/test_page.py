@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from desplat_ns.tools.pages import Picture
+from desplat_ns.core.pages import Picture
 from desplat_ns.tools.report import page
 from desplat_ns.tools.report.page import report_html
 from desplat_ns.tools.report.views import Disputed
@@ -102,7 +102,6 @@ def covered(*shares: float) -> list[Any]:
         ({"verdict": [("Blurred.", "Train on.")]}, ["Blurred.", "Train on."]),
         ({"training": covered(0.7, 0.1, 0.1)}, ["1 of 3", "0.png", "strong-excess (now"]),
         ({"training": covered(0.7, 0.9, 0.1)}, ["2 of 3", "1.png, 0.png", "affine", "lambda-d"]),
-        ({"training": covered(0.0, 0.0)}, ["strong-excess"]),
         ({"disputed": DISPUTED}, ["30%", "photo_1.png, photo_2.png", "<img"]),
         ({"alone": {"a.jpg": 0.5}}, ["a.jpg (50%)."]),
         ({"alone": dict.fromkeys("abcd", 0.5)}, ["a (50%), b (50%), c (50%) and 1 more."]),

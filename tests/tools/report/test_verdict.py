@@ -5,8 +5,9 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+import torch
 
-from desplat_ns.tools.report.verdict import detail_kept, verdict
+from desplat_ns.tools.report.verdict import detail_kept, found_in_words, shown_anyway, verdict
 
 
 def photo() -> np.ndarray:
@@ -26,8 +27,10 @@ def scores(*psnrs: float, detail: float = 0.5) -> dict[str, Any]:
     return {"images": images}
 
 
-def said(results: dict[str, Any], steps=3000, planned: int | None = 3000, photos=30) -> list[str]:
-    return [what for what, cure in verdict(steps, planned, photos, results) if cure]
+def said(
+    results: dict[str, Any], steps=3000, planned: int | None = 3000, photos=30, **more: Any
+) -> list[str]:
+    return [what for what, cure in verdict(steps, planned, photos, results, **more) if cure]
 
 
 def test_causes_come_before_consequences():
@@ -36,6 +39,9 @@ def test_causes_come_before_consequences():
     assert stopped.startswith("The run has 372 of 3,000 steps") and "blurred" in stopped
     (blurred,) = said(scores(18, 19, detail=0.1), steps=600, planned=None)
     assert "blurred" in blurred and "20 times" in blurred
+    (short,) = said(scores(18, 19), steps=424, planned=None, wanted=3000)
+    assert short.startswith("The budget allowed 424 of the 3,000 steps")
+    assert said(scores(25, 26), steps=1600, planned=None, wanted=3000) == []
     (few,) = said(scores(25, 26, 19.9), photos=5)
     assert few.startswith("5 photos")
 
@@ -46,3 +52,30 @@ def test_holes_and_veils_of_the_worst_photo_are_named():
     results["images"][1] |= {"empty": 0.011, "veiled": 0.036}
     hole, veil = said(results)
     assert "16% of the held-out photo 0.jpg" in hole and "4% of the held-out photo 1.jpg" in veil
+
+
+def test_masks_are_doubtful_where_the_scene_shows_the_same_or_most_photos_have_large_ones():
+    assert said({}, masks=[(0.1, 0.1)] * 3 + [(0.0, 0.0)]) == []
+    assert "75%" in said({}, masks=[(0.1, 0.9), (0.1, 0.6), (0.0, 0.0)])[0]
+    assert (
+        "2 of 3 photos have large masks" in said({}, masks=[(0.4, 0.0), (0.4, 0.0), (0.1, 0.0)])[0]
+    )
+    assert said({}, masks=[(0.0, 0.0)])[0].startswith("Nothing was found")
+    words = found_in_words([(0.1, 0.5), (0.3, 0.5), (0.0, 0.0)])
+    assert words.endswith("in 2 of 3 photos: 20.0% of their pixels.") and not found_in_words([])
+
+
+def test_a_mask_is_needless_where_photo_and_scene_are_alike():
+    photo, mask = torch.zeros(2, 2, 3), torch.tensor([[1.0, 1.0], [1.0, 0.0]])[..., None]
+    static = torch.tensor([[0.04, 0.5], [0.5, 0.0]])[..., None].expand(2, 2, 3)
+    assert shown_anyway(photo, static, mask) == pytest.approx(1 / 3)
+    assert shown_anyway(photo, static, torch.zeros_like(mask)) == 0
+
+
+def test_other_places_are_named_with_their_photos():
+    (apart,) = said({}, places=[["a.jpg", "b.jpg", "c.jpg"], ["x.jpg", "y.jpg"]])
+    assert "2 places" in apart and "a.jpg, b.jpg and 1 more; x.jpg, y.jpg" in apart
+    (lost,) = said({}, left_out={"another place": ["x.jpg", "y.jpg"], "blurred": ["b.jpg"]})
+    assert lost.startswith("3 photos have no pose") and "another place" in lost
+    (worse,) = said(scores(25, 26, 27, 12))
+    assert "1 of 4" in worse and "3.jpg" in worse

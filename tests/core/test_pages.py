@@ -11,7 +11,7 @@ from PIL import Image
 
 from desplat_ns.core.console import time_in_words
 from desplat_ns.core.errors import ConfigError
-from desplat_ns.tools.pages import (
+from desplat_ns.core.pages import (
     LARGEST_SIDE,
     Picture,
     fitted_into,

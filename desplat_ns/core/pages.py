@@ -65,6 +65,13 @@ class Picture:
         return f"data:image/webp;base64,{base64.b64encode(buffer.getvalue()).decode()}"
 
 
+def picture_of(image: Any, share: float = 1.0) -> Picture:
+    """An image [H, W, 1 or 3], tensor or array, in [0, 1] or of 8 bits, as large as a page may need
+    it."""
+    pixels = image.detach().cpu().numpy() if hasattr(image, "detach") else image
+    return Picture(shrunk(to_rgb8(pixels), LARGEST_SIDE), share)
+
+
 def fitted_into(pictures: Sequence[Picture], budget: int) -> list[str]:
     """The data addresses of pictures as WebP, as large and as good as a budget of bytes for all of
     them allows. Raises ConfigError where there are too many even for the smallest size."""
