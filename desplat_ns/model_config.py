@@ -33,6 +33,11 @@ SIZES = 4
 """Sizes that photos have from one to twice their sides as they grow: a few, since a GPU keeps what
 it needs for each."""
 
+FULL_SIZE_OCTAVES = 2
+"""Photos of at most 2^2 times `first_megapixels` have their full size from the start, and those of
+2^3 times start at `first_megapixels`: less saves little time, and costs quality
+(docs/results/speed.md, "Photos of real size")."""
+
 
 @dataclass
 class DeSplatModelConfig(SplatfactoModelConfig):
@@ -63,8 +68,8 @@ class DeSplatModelConfig(SplatfactoModelConfig):
     `stop_split_at` has by this number, and at least half a round of the views. See
     docs/explain/separation.md, "How often Gaussians are refined"."""
     first_megapixels: float = ranged(0.0, "[0, inf)")
-    """Size of training photos at the start: a coarse scene has no use for more, and a step costs
-    less. Their sides grow by equal factors in equal times, and reach their full length when
+    """Size of large training photos at the start: a coarse scene has no use for more, and a step
+    costs less. Their sides grow by equal factors in equal times, and reach their full length when
     Splatfacto's would, after `num_downscales` times `resolution_schedule` steps. The threshold of
     growth is divided by the root of the reduction at the start: in photos of more pixels a Gaussian
     that covers as many of them has a smaller gradient. 0 for Splatfacto's sizes (2^num_downscales
@@ -118,7 +123,8 @@ class DeSplatModelConfig(SplatfactoModelConfig):
         first, end = self.first_megapixels, self.num_downscales * self.resolution_schedule
         if first > 0:
             left = max(0.0, 1.0 - step / end) if end > 0 else 0.0
-            halvings = 0.5 * math.log2(max(1.0, pixels / (1e6 * first)))
+            octaves = math.log2(max(1.0, pixels / (1e6 * first)))
+            halvings = 0.5 * octaves * min(1.0, max(0.0, octaves - FULL_SIZE_OCTAVES))
             reduced = 2.0 ** (round(SIZES * halvings * left) / SIZES)
         else:
             reduced = 2.0 ** max(0, self.num_downscales - step // self.resolution_schedule)

@@ -57,6 +57,12 @@ def test_photos_keep_splatfactos_sizes(factor):
     assert replace(config, num_downscales=0).downscale_factor(step, 800_000) == 1
 
 
+@pytest.mark.parametrize(("pixels", "factor"), [(200_000, 1), (400_000, 8**0.5), (3_200_000, 8)])
+def test_photos_start_smaller_the_larger_they_are(pixels, factor):
+    config = DeSplatModelConfig(first_megapixels=0.05)
+    assert config.downscale_factor(0, pixels) == pytest.approx(factor)
+
+
 def test_a_step_draws_a_photo_in_its_size():
     model = make_model(first_megapixels=30 / 1e6, num_downscales=1, resolution_schedule=1000)
     photo = torch.arange(WIDTH)[None, :, None].repeat(HEIGHT, 1, 3).to(torch.uint8)
