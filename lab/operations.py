@@ -25,7 +25,7 @@ from desplat_ns.backend import projection, resolve
 from desplat_ns.backend.protocol import RenderSettings, Splats, View
 from desplat_ns.distractors.refinement import strategy_info
 
-FREE = re.compile(r"aten::(detach|alias|_unsafe_view|lift_fresh|(new_)?empty.*)$")
+FREE = re.compile(r"aten::(detach|alias|_unsafe_view|lift_fresh|scalar_tensor|(new_)?empty.*)$")
 """What launches nothing, beside views."""
 
 PLACE = re.compile(r'(desplat_ns|lab)/([\w/]+\.py)(?:", line \d+, in |:)(\w+)')

@@ -14,14 +14,15 @@ from lab.operations import as_on_cuda, operations_of, table_of
 from tests.helpers.small_model import HEIGHT, WIDTH, Trainer, camera, make_model
 
 BUDGETS = {
-    ("cpu", "no distractors"): 999,
-    ("cpu", "distractors drawn"): 999,
-    ("cpu", "photo compared"): 999,
-    ("cuda", "no distractors"): 999,
-    ("cuda", "distractors drawn"): 999,
-    ("cuda", "photo compared"): 999,
+    ("cpu", "no distractors"): 70,
+    ("cpu", "distractors drawn"): 105,
+    ("cpu", "photo compared"): 155,
+    ("cuda", "no distractors"): 130,
+    ("cuda", "distractors drawn"): 180,
+    ("cuda", "photo compared"): 305,
 }
-"""Operations of drawing, losses and the backward pass, without those of rasterizers."""
+"""Operations of drawing, losses and the backward pass, without those of rasterizers; on CUDA
+without fused-ssim."""
 
 
 def a_step(on_cuda: bool, what: str) -> Callable[[], None]:
@@ -32,7 +33,7 @@ def a_step(on_cuda: bool, what: str) -> Callable[[], None]:
     model = make_model(distractors=own, opacity_prior=0.2)
     if on_cuda:
         model._rasterizer = gsplat_cuda.GsplatRasterizer()
-    model.distractors.looks = lambda step: what == "photo compared"
+    model.distractors.looks = lambda step: False
     model.distractors.sweep.photos[0] = None  # was kept at the first visit
     model.distractors.sweep.unexplained = lambda index, device: torch.rand(HEIGHT, WIDTH)
     if is_drawn:
@@ -40,6 +41,7 @@ def a_step(on_cuda: bool, what: str) -> Callable[[], None]:
     trainer, at_hand = Trainer(model), camera(0)
     trainer.step(8000)
     model.step = 8001
+    model.distractors.looks = lambda step: what == "photo compared"
 
     def step() -> None:
         losses = model.get_loss_dict(model(at_hand), {"image": trainer.photo})
@@ -52,5 +54,4 @@ def a_step(on_cuda: bool, what: str) -> Callable[[], None]:
 def test_a_step_dispatches_no_more_operations_than_its_budget(device, what):
     with as_on_cuda() if device == "cuda" else nullcontext():
         places = operations_of(a_step(device == "cuda", what))
-    print(device, what, table_of(places, 99))
     assert places.total() <= BUDGETS[device, what], table_of(places, 99)

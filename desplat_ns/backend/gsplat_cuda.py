@@ -67,7 +67,8 @@ def _with_unsound_behind(splats: Splats, view: View) -> tuple[Tensor, Tensor]:
     """Means, those that gsplat would turn into NaN moved behind the camera, and colours seen from
     `view`: gsplat's own cut at 0 has no gradient."""
     rotation, translation = view.viewmat[:3, :3].detach(), view.viewmat[:3, 3].detach()
-    behind = -rotation[2] - translation @ rotation  # of (0, 0, -1), before the camera's axes
+    # Of (0, 0, -1), before the camera's axes.
+    behind = torch.addmv(rotation[2], rotation.T, translation, beta=-1, alpha=-1)
     sound = _is_sound(splats)
     means = torch.where(sound[:, None], splats.means, behind)
     if splats.sh_degree is None:

@@ -115,7 +115,7 @@ class _CutAtZero(torch.autograd.Function):
     @staticmethod
     def backward(ctx, grad):  # type: ignore[override]
         (colors,) = ctx.saved_tensors
-        return torch.where((colors > 0) | (grad < 0), grad, 0)
+        return torch.where(colors > 0, grad, grad.clamp(max=0))
 
 
 def uncut_colors(

@@ -37,19 +37,16 @@ def compiled_photometric(*arguments: Any) -> tuple[Float[Tensor, ""], ...]:
 
 
 def similarities(
-    images: Sequence[Float[Tensor, "H W C"]], targets: Sequence[Float[Tensor, "H W C"]]
+    images: Float[Tensor, "B H W C"], targets: Float[Tensor, "B H W C"]
 ) -> Float[Tensor, " B"]:
-    """SSIM of each image and its target, a constant: on a GPU by fused-ssim where that is installed,
-    a kernel for each; else in one batch. A side shorter than the window is not blurred, as in
-    pytorch_msssim."""
-    image = images[0]
-    is_float32 = image.is_cuda and image.dtype == torch.float32
-    if fused_ssim is not None and is_float32 and min(image.shape[:2]) >= WINDOW:
-        pairs = zip(images, targets, strict=True)
-        planes = ((image.movedim(-1, 0)[None].contiguous() for image in pair) for pair in pairs)
-        return torch.stack([fused_ssim(*pair, padding="valid") for pair in planes])
-    x, y = (torch.stack(list(batch)).movedim(-1, 1) for batch in (images, targets))
-    return _Ssim.apply(x, y)  # type: ignore[return-value]
+    """SSIM of each image and its target, a constant: on a GPU by fused-ssim where it is installed.
+    A side shorter than the window is not blurred, as in pytorch_msssim."""
+    x, y = images.movedim(-1, 1), targets.movedim(-1, 1)
+    is_float32 = x.is_cuda and x.dtype == torch.float32
+    if fused_ssim is None or not is_float32 or min(x.shape[2:]) < WINDOW:
+        return _Ssim.apply(x, y)  # type: ignore[return-value]
+    pairs = zip(x.contiguous().split(1), y.contiguous().split(1), strict=True)
+    return torch.stack([fused_ssim(*pair, padding="valid") for pair in pairs])
 
 
 class _Ssim(torch.autograd.Function):
@@ -81,8 +78,8 @@ class _Ssim(torch.autograd.Function):
 
 
 def _blurred(planes: Tensor, margin: int = 0, of: Sequence[int] | None = None) -> Tensor:
-    """Planes [B, C, H, W] blurred where the window fits, over a border of zeros with a margin. `of`:
-    shape by which it fits; that of the planes if None."""
+    """Planes [B, C, H, W] blurred where the window fits, over a border of zeros with a margin.
+    `of`: shape by which it fits; that of the planes if None."""
     for side in (-2, -1):
         if (of or planes.shape)[side] >= WINDOW:
             window = _window(planes.shape[1], side, planes.dtype, planes.device)
