@@ -62,7 +62,7 @@ class _Counted(TorchDispatchMode):
 
 def _place() -> str | None:
     """Of the operation at hand; None within stand-ins."""
-    node = torch._C._current_autograd_node()
+    node: Any = torch._C._current_autograd_node()
     stack: list[str] = [] if node is None else node.metadata.get("traceback_", [])
     frame = sys._getframe(2)
     while node is None and frame is not None:
