@@ -51,7 +51,7 @@ def similarities(
 
 class _Ssim(torch.autograd.Function):
     """Of images and targets [B, C, H, W]; half of the operations that autograd takes. Formulas and
-    letters are those of `numba_kernels/ssim.py`, of SSIM / 4."""
+    letters (l, s; P, -Q, R) are those of `numba_kernels/ssim.py`, of SSIM / 4."""
 
     @staticmethod
     def forward(ctx, x, y):  # type: ignore[override]
