@@ -220,10 +220,10 @@ class PlaneSweep:
         self._work_ahead(photo.device)
 
     def is_ready(self, index: int, device: torch.device) -> bool:
-        """Whether a step that asks is answered without waiting for the thread. On a CPU, which has
-        none, it always is."""
+        """Whether a step that asks is answered without waiting for the thread: always if there is
+        none, on a CPU and before all photos are there."""
         self._work_ahead(device)
-        return device.type == "cpu" or index in self._tried or index not in self.photos
+        return self._worker is None or index in self._tried or index not in self.photos
 
     def unexplained(
         self, index: int, device: torch.device = CPU
