@@ -5,8 +5,6 @@ an operation has about one. They are counted on any machine: `as_on_cuda` lets C
 way of CUDA ones, with stand-ins for gsplat's kernels, whose own operations are left out.
 """
 
-from __future__ import annotations
-
 import re
 import sys
 from collections import Counter

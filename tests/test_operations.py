@@ -1,7 +1,5 @@
 """A training step dispatches few operations of torch: each is a launch on a GPU."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from contextlib import nullcontext
 
