@@ -49,13 +49,15 @@ def photometric_losses(
     """
     if compiled and all(is_fast(image, photo) for image in images):
         return compiled_photometric(photo, distractor_weight, leak, ssim_weight, *images)
-    differences, targets = [(image - photo).abs() for image in images], [photo for _ in images]
+    batch, target = torch.stack(images), photo.expand(len(images), *photo.shape)
+    difference = (batch - photo).abs()
     if distractor_weight is not None:
-        differences[0] = (1 - (1 - leak) * distractor_weight) * differences[0]
-        targets[0] = torch.lerp(photo, images[0].detach(), distractor_weight)
-    likeness = similarities(images, targets)
-    pairs = zip(differences, likeness, strict=True)
-    return tuple((1 - ssim_weight) * d.mean() + ssim_weight * (1 - s) for d, s in pairs)
+        kept = (1 - (1 - leak) * distractor_weight) * difference[:1]
+        difference = torch.cat([kept, difference[1:]])
+        blended = torch.lerp(photo, images[0].detach(), distractor_weight)
+        target = torch.cat([blended[None], target[1:]])
+    difference = (1 - ssim_weight) * difference.mean(dim=(1, 2, 3))
+    return (difference + ssim_weight * (1 - similarities(batch, target))).unbind()
 
 
 def distractor_opacity_loss(

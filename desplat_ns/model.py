@@ -18,7 +18,7 @@ from desplat_ns.backend import Rasterizer, resolve
 from desplat_ns.backend.accumulated_weights import accumulated_weights
 from desplat_ns.backend.protocol import Rendering, RenderSettings, Splats, View
 from desplat_ns.cameras.near_plane import sampled, scene_start, stands_clear
-from desplat_ns.cameras.views import detached, reduced, view_of
+from desplat_ns.cameras.views import detached, reduced, resized, view_of
 from desplat_ns.core.console import list_names
 from desplat_ns.core.devices import state_to_device
 from desplat_ns.core.effects import Effects
@@ -74,6 +74,8 @@ class DeSplatModel(SplatfactoModel):
 
     def __init__(self, config: DeSplatModelConfig, *args: Any, **kwargs: Any):
         self._rasterizer: Rasterizer | None = None
+        self._views: dict[int, View] = {}
+        """Of training, in full size, where poses stay: a GPU's cameras would be waited for."""
         super().__init__(config, *args, **kwargs)
 
     def populate_modules(self) -> None:
@@ -147,13 +149,13 @@ class DeSplatModel(SplatfactoModel):
         return groups
 
     def view_optimizers(self) -> dict[str, Optimizer]:
-        """Those of the distractors that the step at hand drew, beside nerfstudio's, which hold what
+        """That of the distractors that the step at hand drew, beside nerfstudio's, which hold what
         all views share."""
         step = self.train_step
         if self.distractors is None or step is None or step.distractors is None:
             return {}
-        own = self.distractors.views[step.index].optimizers
-        return {f"distractor_{name}": optimizer for name, optimizer in own.items()}
+        own = self.distractors.views[step.index].optimizer
+        return {} if own is None else {"distractors": own}
 
     # --- a step ------------------------------------------------------------------------------
 
@@ -356,6 +358,11 @@ class DeSplatModel(SplatfactoModel):
     def view_of_camera(self, camera: Cameras, index: int | None) -> View:
         """The view of a camera; training views have the pose that the pose optimizer found."""
         assert camera.shape[0] == 1, "one camera at a time"
+        if self.training and index is not None and self.camera_optimizer.config.mode == "off":
+            if index not in self._views:
+                self._views[index] = view_of(camera)
+            view = self._views[index]
+            return resized(view, self._size_at_hand(view.width, view.height))
         pose = camera.camera_to_worlds
         if index is not None:
             camera.metadata = {**(camera.metadata or {}), "cam_idx": index}

@@ -2,12 +2,13 @@
 
     python -m lab.gpu            (or: make gpu)
 
-Six parts: gsplat's kernels; pictures and gradients of each CUDA backend against float64; time of a
-training step of nerfstudio's `splatfacto`, `desplat` and `desplat-paper`; how often the host waits
-for the device in one; 1,000 steps of each on a capture; the tests that need a device. A part
-that outputs/gpu/gpu.json holds of the same commit and device is not run again, one that failed is.
-The page goes to docs/results/gpu.md. Without a CUDA device the CPU stands in with tiny sizes, which
-shows that the parts run, and the page goes to outputs/gpu/.
+Seven parts: gsplat's kernels; pictures and gradients of each CUDA backend against float64; time of
+a training step of nerfstudio's `splatfacto`, `desplat` and `desplat-paper`; the operations that
+torch dispatches in one; how often the host waits for the device in one; 1,000 steps of each on a
+capture; the tests that need a device. A part that outputs/gpu/gpu.json holds of the same commit and
+device is not run again, one that failed is. The page goes to docs/results/gpu.md. Without a CUDA
+device the CPU stands in with tiny sizes, which shows that the parts run, and the page goes to
+outputs/gpu/; operations are counted there too.
 """
 
 import copy
@@ -22,8 +23,9 @@ import sys
 import time
 import traceback
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 from unittest import mock
@@ -38,13 +40,11 @@ from PIL import Image
 from torch import Tensor
 from torch.profiler import ProfilerActivity, profile, record_function
 
-from desplat_ns.backend import resolve
-from desplat_ns.backend.protocol import RenderSettings, Splats, View
+from desplat_ns.backend.gsplat_cuda import GsplatRasterizer
 from desplat_ns.backend.registry import compile_kernels
 from desplat_ns.core.effects import EffectsConfig
 from desplat_ns.core.whole import write_whole
 from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
-from desplat_ns.distractors.refinement import strategy_info
 from desplat_ns.metrics import psnr, ssim
 from desplat_ns.plugin import splatfacto_modules_without_torchmetrics
 from desplat_ns.tools.studies.machine import code_version, device_name
@@ -52,6 +52,7 @@ from lab import CHECKOUT, DOCS, OUTPUTS, markdown_table, parser_of
 from lab.bench.drawing import Drawing, contenders, errors_of
 from lab.bench.scenes import make_scene
 from lab.machine import describe_machine
+from lab.operations import as_on_cuda, operations_of, rasterization, table_of
 from lab.synthetic import SceneSpec, write_scene
 
 SECONDS = 570
@@ -145,6 +146,22 @@ def steps(job: Job) -> Figures:
     return rows
 
 
+def operations(job: Job) -> Figures:
+    """Operations of a whole training step, optimizers included; those of each place are printed."""
+    capture, row = write_capture(job.work / "operations", 300, [(80, 64)] * 20), {}
+    with nullcontext() if job.is_real else as_on_cuda():
+        for method in METHODS:
+            trainer = trainer_of(job, method, capture)
+            if method != "splatfacto":
+                trainer.pipeline.model._rasterizer = GsplatRasterizer()
+            for i in range(20):  # moments are made, and each photo is looked at
+                take_step(trainer, LATE + i)
+            places = operations_of(partial(take_step, trainer, LATE + 20))
+            print(f"{method}:\n{table_of(places)}", flush=True)
+            row[method] = places.total()
+    return {"300 Gaussians, 80 x 64: operations per step": row}
+
+
 def waits(job: Job) -> Figures:
     """Events per training step by torch's profiler, on photos of 20 sizes: each comes once. One of
     the waits in 20 steps is that for the end of the last step."""
@@ -215,7 +232,7 @@ def tests(job: Job) -> Figures:
 
 
 PARTS: dict[str, Callable[[Job], Figures]] = {
-    part.__name__: part for part in (kernels, parity, steps, waits, training, tests)
+    part.__name__: part for part in (kernels, parity, steps, operations, waits, training, tests)
 }
 
 
@@ -299,21 +316,6 @@ def stand_in(job: Job) -> Iterator[None]:
         yield
 
 
-def rasterization(
-    *, means: Tensor, quats: Tensor, scales: Tensor, opacities: Tensor, colors: Tensor,
-    viewmats: Tensor, Ks: Tensor, width: int, height: int, render_mode: str, sh_degree: int | None,
-    absgrad: bool, rasterize_mode: str, **_: Any,
-) -> tuple[Tensor, Tensor, dict[str, Any]]:  # fmt: skip
-    """As gsplat's for one camera: image [1, H, W, C], alpha [1, H, W, 1], and what gsplat's
-    strategies read."""
-    settings = RenderSettings(rasterize_mode == "antialiased", "ED" in render_mode, absgrad)
-    view = View(viewmats[0], Ks[0], width, height)
-    splats = Splats(means, quats, scales, opacities, colors, sh_degree)
-    drawn = resolve("numba", "cpu")(splats, view, settings)
-    image = drawn.rgb if drawn.depth is None else torch.cat([drawn.rgb, drawn.depth], dim=-1)
-    return image[None], drawn.alpha[None], strategy_info(drawn, view)
-
-
 def run(job: Job, path: Path) -> Figures:
     """Run the parts that the JSON at `path` does not hold, and write it after each of them."""
     of = {"commit": code_version(), "device": device_name(job.device)}
@@ -346,7 +348,7 @@ def page(job: Job, record: Figures) -> str:
     parts, machine = record["parts"], record["machine"]
     rows = [
         [what, *(f"{of[method]:,}" if method in of else "" for method in METHODS)]
-        for name in ("steps", "waits", "training")
+        for name in ("steps", "operations", "waits", "training")
         for what, of in parts.get(name, {}).items()
     ]
     errors = [

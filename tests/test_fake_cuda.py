@@ -43,10 +43,9 @@ from desplat_ns.photo_tourism.config import AppearanceConfig
 from desplat_ns.photo_tourism.image_effects import ImageEffects
 from desplat_ns.separation import decide
 from desplat_ns.separation.decide import StaticView, Thresholds
-from desplat_ns.separation.grid import _shares, region_pixels
+from desplat_ns.separation.grid import _cells_of_pixels, region_pixels
 from desplat_ns.separation.residuals import medians_in
 from desplat_ns.separation.sweep import photo_to_sweep
-from desplat_ns.training.step_guard import sum_of_squares
 
 WIDTH, HEIGHT, N = 60, 40, 50
 CONFIG = DistractorConfig(per_view=100, start="residual", static_alone=True, static_warmup=5)
@@ -60,7 +59,7 @@ def fake_mode() -> Iterator[None]:
     """Every tensor is a fake one; those whose number of rows depends on values may be made."""
     with FakeTensorMode(shape_env=ShapeEnv()):
         yield
-    for kept in (_window, _shares):
+    for kept in (_window, _cells_of_pixels):
         kept.cache_clear()  # a fake one is of use in its own mode only
 
 
@@ -104,12 +103,12 @@ def test_what_decides_whose_a_pixel_is_and_what_follows_stays_on_the_gpu(monkeyp
 
 
 def distractors_with_moments() -> ViewDistractors:
-    """Those of one view, with Adams that have stepped."""
+    """Those of one view, with an Adam that has stepped."""
     view = ViewDistractors({name: cuda(N, width) for name, width in WIDTHS.items()})
-    for name, parameter in view.params.items():
-        view.optimizers[name] = adam = torch.optim.Adam([parameter])
+    view.optimizer = torch.optim.Adam([{"params": [each]} for each in view.params.values()])
+    for parameter in view.params.values():
         moments = {key: torch.zeros_like(parameter) for key in ("exp_avg", "exp_avg_sq")}
-        adam.state[parameter] = {"step": torch.tensor(1.0), **moments}
+        view.optimizer.state[parameter] = {"step": torch.tensor(1.0), **moments}
     return view
 
 
@@ -161,7 +160,7 @@ def test_layers_and_losses_stay_on_the_gpu():
         mean_shown_opacity(cuda(N, 1), static.visible),
         background_opacity_loss(alpha_d, alpha_s, explained),
     ]
-    assert_on_cuda(*losses, sum_of_squares(losses))
+    assert_on_cuda(*losses)
 
 
 @pytest.mark.parametrize("appearance", ["affine", "sh"])

@@ -7,10 +7,11 @@ sigma, where an opaque one still has an alpha of 0.011. `gsplat_build` has its k
 from dataclasses import replace
 
 import torch
+from jaxtyping import Bool
 from torch import Tensor
 
 from desplat_ns.backend.constants import EPS2D, FAR_PLANE, NEAR_PLANE
-from desplat_ns.backend.inputs import check_inputs, is_finite
+from desplat_ns.backend.inputs import MIN_QUAT_NORM, check_inputs
 from desplat_ns.backend.projection import cut_at_zero, uncut_colors
 from desplat_ns.backend.protocol import Rendering, RenderSettings, Splats, View
 from desplat_ns.core.errors import BackendUnavailableError
@@ -63,17 +64,29 @@ class GsplatRasterizer:
 
 
 def _with_unsound_behind(splats: Splats, view: View) -> tuple[Tensor, Tensor]:
-    """Means, those of Gaussians that gsplat would turn into NaN moved behind the camera: also where
-    the determinant of a covariance, of the order of a scale's fourth power, overflows. And colours
-    seen from `view`: gsplat's own cut at 0 has no gradient."""
+    """Means, those that gsplat would turn into NaN moved behind the camera, and colours seen from
+    `view`: gsplat's own cut at 0 has no gradient."""
     rotation, translation = view.viewmat[:3, :3].detach(), view.viewmat[:3, 3].detach()
-    behind = -rotation[2] - translation @ rotation  # of (0, 0, -1), before the camera's axes
-    sound = is_finite(splats) & splats.scales.detach().pow(4).sum(-1).isfinite()
+    # Of (0, 0, -1), before the camera's axes.
+    behind = torch.addmv(rotation[2], rotation.T, translation, beta=-1, alpha=-1)
+    sound = _is_sound(splats)
     means = torch.where(sound[:, None], splats.means, behind)
     if splats.sh_degree is None:
         return means, splats.colors
     colors, _ = uncut_colors(replace(splats, means=means), view, sound)
     return means, cut_at_zero(colors)
+
+
+@torch.no_grad()
+def _is_sound(splats: Splats) -> Bool[Tensor, " N"]:
+    """As `is_finite`, and the determinant of a covariance, of the order of a scale's fourth power,
+    does not overflow. By norms of all numbers at once: on a GPU each operation is a launch."""
+    scales2, opacities = splats.scales.square(), splats.opacities[:, None]
+    numbers = torch.cat([splats.means, splats.quats, scales2, opacities], dim=-1)
+    norm = torch.linalg.vector_norm
+    size = norm(numbers, dim=-1) + norm(splats.colors.flatten(1), dim=-1)
+    # comparisons with NaN are False
+    return (size < torch.inf) & (norm(splats.quats, dim=-1) > MIN_QUAT_NORM)
 
 
 def _check_cuda_float32(means: Tensor) -> None:

@@ -40,7 +40,7 @@ def finite_colors(
     sums of products of colours. On a CPU None if all have, which takes one pass; elsewhere the
     answer would have to be waited for."""
     flat = colors.flatten()
-    if colors.device.type == "cpu" and torch.dot(flat, flat).isfinite():
+    if colors.is_cpu and math.isfinite(torch.dot(flat, flat).item()):
         return None
     return torch.linalg.vector_norm(colors.flatten(1), dim=-1).isfinite()
 
@@ -67,7 +67,7 @@ def check_inputs(splats: Splats, view: View) -> None:
             raise ValueError(f"{name} is on {tensor.device}, means on {splats.means.device}.")
     if view.width < 1 or view.height < 1:
         raise ValueError(f"The image is {view.width} x {view.height}; it needs a pixel at least.")
-    if view.K.device.type == "cpu":
+    if view.K.is_cpu:
         _check_camera(view)
 
 

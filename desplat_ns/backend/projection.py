@@ -115,7 +115,7 @@ class _CutAtZero(torch.autograd.Function):
     @staticmethod
     def backward(ctx, grad):  # type: ignore[override]
         (colors,) = ctx.saved_tensors
-        return torch.where((colors > 0) | (grad < 0), grad, 0)
+        return torch.where(colors > 0, grad, grad.clamp(max=0))
 
 
 def uncut_colors(
@@ -129,13 +129,13 @@ def uncut_colors(
     center = view.center
     means, coefficients = splats.means, splats.colors
     is_float32 = means.dtype == coefficients.dtype == torch.float32
-    if is_float32 and means.device.type == "cuda" and unavailable_reason() is None:
+    if is_float32 and means.is_cuda and unavailable_reason() is None:
         from gsplat import spherical_harmonics
 
         colors = spherical_harmonics(splats.sh_degree, means - center, coefficients, masks=shown)
         # Rows that are not shown hold whatever was in the memory.
         return torch.where(shown[:, None], colors + 0.5, 0.0), coefficients[:, 0]
-    if is_float32 and means.device.type == "cpu" and not center.requires_grad:
+    if is_float32 and means.is_cpu and not center.requires_grad:
         from desplat_ns.backend.numba_kernels.sh import EvaluateColors
 
         return EvaluateColors.apply(

@@ -53,8 +53,15 @@ def view_of(
             "Make a camera path of perspective cameras."
         )
     shown = (width, height) if size_of is None else size_of(width, height)
-    scale = intrinsics.new_tensor([[shown[0] / width], [shown[1] / height], [1.0]])
-    return View(world_to_camera(pose), intrinsics * scale, *shown)
+    return resized(View(world_to_camera(pose), intrinsics, width, height), shown)
+
+
+def resized(view: View, size: tuple[int, int]) -> View:
+    """The same view in an image of another (width, height)."""
+    if size == (view.width, view.height):
+        return view
+    scale = view.K.new_tensor([[size[0] / view.width], [size[1] / view.height], [1.0]])
+    return View(view.viewmat, view.K * scale, *size)
 
 
 def reduced(image: Shaped[Tensor, "H W C"], size: tuple[int, int]) -> Shaped[Tensor, "h w C"]:

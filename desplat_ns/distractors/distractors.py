@@ -171,8 +171,9 @@ class Distractors(nn.Module):
             scene = ~own_sky(photo, step.static.alpha)
             judged = scene if counted is None else scene & counted
         comparison, step.residual_medians = compare(photo, static, residual_medians, judged)
-        if step.nominal < self.config.warmup:
-            return
+        is_warmup = step.nominal < self.config.warmup
+        if is_warmup or not self.sweep.is_ready(step.index, photo.device):
+            return  # in the latter case its next visit looks again
         comparison = replace(comparison, counted=counted)  # skies within a thing's outline are it
         step.regions = decide(
             comparison,

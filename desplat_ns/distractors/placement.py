@@ -18,10 +18,7 @@ from desplat_ns.cameras.views import image_points
 from desplat_ns.core.devices import masks_to_host, to_device
 from desplat_ns.distractors.config import DistractorConfig
 from desplat_ns.distractors.sets import distractors_at
-from desplat_ns.separation.grid import (
-    grid_of,
-    pooled,
-)
+from desplat_ns.separation.grid import grid_of, pooled
 
 LEAST_VIEWS = 2
 """Of two views nobody can tell which is right; a median of three holds against one."""

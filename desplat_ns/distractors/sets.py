@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from types import SimpleNamespace
 from typing import Any
 
 import torch
@@ -23,14 +24,15 @@ PLASTIC_NUMBER = 1.32471795724474602596
 
 
 class ViewDistractors:
-    """The distractors of one training view: raw parameters, an Adam for each kind, and what its
-    refinement goes by, in the shapes that gsplat's operations expect."""
+    """The distractors of one training view: raw parameters, their Adam, and what their refinement
+    goes by, in the shapes that gsplat's operations expect."""
 
     def __init__(self, start: Mapping[str, Tensor]):
         """`start`: raw parameters by `PARAMETER_NAMES`, N rows each; N changes in training."""
         self.params = {name: nn.Parameter(value) for name, value in start.items()}
-        self.optimizers: dict[str, Optimizer] = {}
-        """By name; empty until the view is trained, so that they are where its parameters are."""
+        self.optimizer: Optimizer | None = None
+        """A group for each name; None until the view is trained, so that it is where its parameters
+        are."""
         self.state: dict[str, Any] = {"grad2d": None, "count": None, "radii": None}
         """What gsplat's strategy gathers."""
         self.refinement = 0
@@ -41,17 +43,29 @@ class ViewDistractors:
         return len(self.params["means"])
 
     def begin_step(self, rates: Mapping[str, float]) -> None:
-        """Make its optimizers ready for a step with these learning rates; drop gradients."""
-        for name, parameter in self.params.items():
-            parameter.grad = None
-            if name not in self.optimizers:
-                self.optimizers[name] = adam([parameter], rates[name])
-                saved = self._saved_moments.pop(name, None)
-                if saved is not None:
-                    groups = self.optimizers[name].state_dict()["param_groups"]
-                    state = {"state": {0: saved}, "param_groups": groups}
-                    self.optimizers[name].load_state_dict(state)
-            self.optimizers[name].param_groups[0]["lr"] = rates[name]
+        """Make its optimizer ready for a step with these learning rates; drop gradients."""
+        if self.optimizer is None:
+            self.optimizer = adam([{"params": [parameter]} for parameter in self.params.values()])
+            if self._saved_moments:
+                moments = enumerate(map(self._saved_moments.get, self.params))
+                state = {index: saved for index, saved in moments if saved is not None}
+                groups = self.optimizer.state_dict()["param_groups"]
+                self.optimizer.load_state_dict({"state": state, "param_groups": groups})
+                self._saved_moments = {}
+        for (name, parameter), group in zip(
+            self.params.items(), self.optimizer.param_groups, strict=True
+        ):
+            parameter.grad, group["lr"] = None, rates[name]
+
+    @property
+    def optimizers(self) -> dict[str, Any]:
+        """Its part for each name, as gsplat's operations expect an optimizer; none before it is
+        trained."""
+        if self.optimizer is None:
+            return {}
+        parts = zip(self.params, self.optimizer.param_groups, strict=True)
+        state = self.optimizer.state
+        return {name: SimpleNamespace(param_groups=[part], state=state) for name, part in parts}
 
     @torch.no_grad()
     def exchange(self, kept: Int[Tensor, " M"], new: Mapping[str, Tensor]) -> None:
@@ -66,9 +80,10 @@ class ViewDistractors:
             rows = old.new_zeros(len(new["means"]), *old.shape[1:]) if rows is None else rows
             return torch.cat([old[kept], rows])
 
+        optimizers = self.optimizers
         for name, old in self.params.items():
             self.params[name] = parameter = nn.Parameter(changed(old.data, new[name]))
-            optimizer = self.optimizers.get(name)
+            optimizer = optimizers.get(name)
             if optimizer is None:
                 continue
             moments = optimizer.state.pop(old, {})
@@ -101,7 +116,7 @@ class ViewDistractors:
         for name, parameter in self.params.items():
             parameter.data = saved["params"][name].to(device, copy=True)
             parameter.grad = None
-        self.optimizers = {}
+        self.optimizer = None
         self._saved_moments = {  # copies: Adam writes into them
             name: {key: value.clone() for key, value in moments.items()}
             for name, moments in saved["moments"].items()
@@ -144,6 +159,6 @@ def distractors_at(
         "means": (in_camera - translation) @ rotation,
         "scales": (0.5 * spacing * DEPTH).log().to(**like).repeat(n, 3),
         "quats": torch.eye(4, **like)[:1].repeat(n, 1),
-        "rgbs": rgbs.to(**like),
+        "rgbs": rgbs.to(**like).clamp(0, 1),
         "opacities": torch.full((n, 1), config.initial_opacity, **like).logit(),
     }

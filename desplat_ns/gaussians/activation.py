@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 
 import torch
+import torch.nn.functional as F
 from jaxtyping import Float
 from torch import Tensor, nn
 
@@ -32,7 +33,7 @@ def activate_static(params: RawParameters, sh_degree: int | None) -> Splats:
 
 
 def activate_distractors(params: RawParameters) -> Splats:
-    """Distractor Gaussians of one view; colours are RGB clamped to [0, 1].
+    """Distractor Gaussians of one view; colours are RGB in [0, 1] (`keep_colors_in_range`).
 
     Args:
         params: means [N, 3], scales [N, 3] (log), quats [N, 4], rgbs [N, 3],
@@ -40,7 +41,7 @@ def activate_distractors(params: RawParameters) -> Splats:
 
     Source: App. A, "RGB Colour Representation for Distractor Gaussians".
     """
-    return _activate(params, clamp_colors(params["rgbs"]), None)
+    return _activate(params, params["rgbs"], None)
 
 
 def _activate(params: RawParameters, colors: Tensor, sh_degree: int | None) -> Splats:
@@ -49,7 +50,7 @@ def _activate(params: RawParameters, colors: Tensor, sh_degree: int | None) -> S
     return Splats(
         means=params["means"],
         quats=params["quats"],
-        scales=torch.exp(params["scales"].clamp(max=MAX_LOG_SCALE)),
+        scales=torch.exp(F.hardtanh(params["scales"], -torch.inf, MAX_LOG_SCALE)),
         opacities=sigmoid(params["opacities"]).squeeze(-1),
         colors=colors,
         sh_degree=sh_degree,
@@ -59,7 +60,7 @@ def _activate(params: RawParameters, colors: Tensor, sh_degree: int | None) -> S
 def sigmoid(logits: Float[Tensor, "*shape"]) -> Float[Tensor, "*shape"]:
     """1 / (1 + exp(-x)), with the same bits for any number of threads: `torch.sigmoid` (2.15)
     rounds the last few elements of each thread's share differently on a CPU."""
-    return _Sigmoid.apply(logits) if logits.device.type == "cpu" else torch.sigmoid(logits)  # type: ignore[return-value]
+    return _Sigmoid.apply(logits) if logits.is_cpu else torch.sigmoid(logits)  # type: ignore[return-value]
 
 
 class _Sigmoid(torch.autograd.Function):
@@ -79,18 +80,10 @@ class _Sigmoid(torch.autograd.Function):
         return grad * y * (1 - y)
 
 
-def clamp_colors(rgbs: Float[Tensor, "N 3"]) -> Float[Tensor, "N 3"]:
-    """Colours clamped to [0, 1]; the gradient is 1 on the closed range and 0 beyond it. By
-    `torch.clamp` (2.15) it is 0 on the border too: what is black or white would stay so for
-    ever."""
-    beyond = (rgbs < 0) | (rgbs > 1)
-    return torch.where(beyond, rgbs.detach().clamp(0, 1), rgbs)
-
-
 @torch.no_grad()
 def keep_colors_in_range(params: RawParameters) -> None:
-    """Put distractors' colours that a step moved beyond [0, 1], where the clamp has no gradient,
-    back on the border."""
+    """Put distractors' colours that a step moved beyond [0, 1] back on the border, where they keep
+    their gradient: by that of a clamp what is black or white would stay so for ever."""
     params["rgbs"].clamp_(0, 1)
 
 

@@ -15,18 +15,8 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from desplat_ns.core.devices import masks_to_host, to_device
-from desplat_ns.separation.grid import (
-    fine_grid_of,
-    grid_of,
-    pooled,
-    window_means,
-)
-from desplat_ns.separation.residuals import (
-    SMOOTHING,
-    Excess,
-    excess_residual,
-    local_residual,
-)
+from desplat_ns.separation.grid import fine_grid_of, grid_of, pooled, window_means
+from desplat_ns.separation.residuals import SMOOTHING, Excess, excess_residual, local_residual
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import torch
 import torch.nn.functional as F
-from jaxtyping import Float, Shaped
+from jaxtyping import Float, Int, Shaped
 from torch import Tensor
 
 CELLS = 8000
@@ -30,44 +30,35 @@ def fine_grid_of(width: int, height: int) -> tuple[int, int]:
 
 
 def pooled(image: Float[Tensor, "H W C"], grid: tuple[int, int]) -> Float[Tensor, "C rows columns"]:
-    """Mean of an image over each cell of a grid of (columns, rows), no finer than the image.
+    """Mean of an image over each cell of a grid of (columns, rows), no finer than it.
 
-    A pixel counts in each cell by the part of it that lies there. Without gradients.
+    A pixel counts in each cell by the part of it that lies there; a GPU takes samples between the
+    pixels, at least one for each, which on a photo is off by 2e-3 (RMSE). Without gradients.
     """
     image, (columns, rows) = image.detach(), grid
     if not image.is_cpu:
-        down = _shares(image.shape[0], rows, image.dtype, image.device)
-        along = _shares(image.shape[1], columns, image.dtype, image.device)
-        return torch.einsum("rh,hwc,kw->crk", down, image, along)
+        down, along = math.ceil(image.shape[0] / rows), math.ceil(image.shape[1] / columns)
+        size = rows * down, columns * along
+        samples = F.interpolate(image.movedim(-1, 0)[None], size=size, mode="bilinear")
+        return F.avg_pool2d(samples, (down, along))[0]
     cells = cv2.resize(image.contiguous().numpy(), grid, interpolation=cv2.INTER_AREA)
     return torch.from_numpy(cells.reshape(rows, columns, -1)).permute(2, 0, 1).contiguous()
-
-
-@lru_cache(maxsize=256)  # a size of photos needs ten
-def _shares(
-    pixels: int, cells: int, dtype: torch.dtype, device: torch.device
-) -> Float[Tensor, "cells pixels"]:
-    """Weight of each pixel of a line in the mean of each cell; made on the device, so that nothing
-    is copied there where photos have many sizes."""
-    like = {"dtype": torch.float64, "device": device}
-    ends = torch.arange(cells + 1, **like) * (pixels / cells)
-    first = torch.arange(pixels, **like)
-    least = torch.maximum(ends[:-1, None], first)
-    most = torch.minimum(ends[1:, None], first + 1)
-    return ((most - least).clamp(min=0) * (cells / pixels)).to(dtype)
 
 
 def region_pixels(
     regions: Shaped[Tensor, "rows columns"], height: int, width: int
 ) -> Shaped[Tensor, "H W 1"]:
     """The pixels whose cell is in a region, by numbers or by True as the cells have it."""
-    if regions.is_cpu:  # a fifth of the time
-        for dim, pixels in ((1, width), (0, height)):
-            cells = torch.arange(regions.shape[dim], dtype=torch.float32)[None, None]
-            regions = regions.index_select(dim, F.interpolate(cells, size=pixels)[0, 0].int())
-        return regions[..., None]
-    cells = regions[None, None].to(torch.float32)
-    return F.interpolate(cells, size=(height, width))[0, 0, :, :, None].to(regions.dtype)
+    for dim, pixels in ((1, width), (0, height)):
+        cells = _cells_of_pixels(regions.shape[dim], pixels, regions.device)
+        regions = regions.index_select(dim, cells)
+    return regions[..., None]
+
+
+@lru_cache(maxsize=4096)  # a size of photos needs two, of a few kB each
+def _cells_of_pixels(cells: int, pixels: int, device: torch.device) -> Int[Tensor, " pixels"]:
+    numbers = torch.arange(cells, dtype=torch.float32, device=device)
+    return F.interpolate(numbers[None, None], size=pixels)[0, 0].int()
 
 
 def window_means(

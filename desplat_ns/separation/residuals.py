@@ -104,7 +104,7 @@ def excess_residual(
     inside, cell = cells_of(means2d, visible, residual.shape, counted)
     expected, votes = _mean_by_cell(residual_medians, opacities, cell, residual.shape)
     off = torch.sign(relative.index_select(0, cell) - residual_medians)
-    residual_medians = residual_medians + MEDIAN_STEP * off * inside
+    residual_medians = torch.add(residual_medians, off * inside, alpha=MEDIAN_STEP)
     values = residual - level * expected.exp()
     values = values if counted is None else values.masked_fill(~counted, 0.0)
     return Excess(values, level, votes), residual_medians
@@ -132,8 +132,8 @@ def cells_of(
     """
     rows, columns = shape
     x, y = means2d.floor().unbind(-1)
-    inside = visible & (x >= 0) & (x < columns) & (y >= 0) & (y < rows)
-    cell = torch.where(inside, y * columns + x, rows * columns).long()
+    inside = visible & (x.clamp(0, columns - 1) == x) & (y.clamp(0, rows - 1) == y)
+    cell = torch.where(inside, torch.add(x, y, alpha=columns), rows * columns).long()
     if counted is None:
         return inside, cell
     inside = F.pad(counted.flatten(), (0, 1), value=False).index_select(0, cell)

@@ -193,7 +193,7 @@ class PlaneSweep:
     """What each photo of a capture shows that others do not, by photos and cameras alone.
 
     Photos are kept at their first visit. Each is swept once: when it is first asked for, or on a
-    GPU ahead of that, by a thread that starts when all photos are there.
+    GPU by a thread that starts when all photos are there, for which no step waits (`is_ready`).
     """
 
     def __init__(self, points: Float[Tensor, "P 3"] | None, cameras: Cameras):
@@ -207,6 +207,8 @@ class PlaneSweep:
         self._locks = [threading.Lock() for _ in range(len(cameras))]
         """Of each photo: whoever has it sweeps."""
         self._worker: threading.Thread | None = None
+        self._tried = set[int]()
+        """Photos that the thread has swept, or met an error in."""
         self._seconds = 0.0
         points = torch.empty(0, 3) if points is None else points
         self._points = sampled(points, MAX_POINTS).cpu()
@@ -216,6 +218,12 @@ class PlaneSweep:
         self.photos[index] = photo.cpu().numpy()
         self._unexplained.clear()  # of fewer photos
         self._work_ahead(photo.device)
+
+    def is_ready(self, index: int, device: torch.device) -> bool:
+        """Whether a step that asks is answered without waiting for the thread: always if there is
+        none, on a CPU and before all photos are there."""
+        self._work_ahead(device)
+        return self._worker is None or index in self._tried or index not in self.photos
 
     def unexplained(
         self, index: int, device: torch.device = CPU
@@ -244,7 +252,7 @@ class PlaneSweep:
         """Take up what `state` gave."""
         self.photos = {index: photo.cpu().numpy() for index, photo in state.items()}
         self._unexplained.clear()
-        self._worker = None
+        self._tried, self._worker = set(), None
 
     def _work_ahead(self, device: torch.device) -> None:
         """Start the thread, if all photos are there. On a CPU it would take the cores of the steps,
@@ -324,4 +332,5 @@ def _sweep_all(of: weakref.ref[PlaneSweep], device: torch.device) -> None:
             return
         with suppress(Exception):
             sweep.unexplained(index, device)
+        sweep._tried.add(index)
         del sweep

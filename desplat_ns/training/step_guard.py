@@ -1,12 +1,12 @@
 """Keeps losses and gradients that are not finite from being learned: of an unsound step nothing
 stays, neither in parameters and moments nor in what densification and placement remember."""
 
-from collections.abc import Callable, Iterable
+import math
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
 import torch
-from jaxtyping import Float
 from nerfstudio.engine.optimizers import Optimizers
 from torch import Tensor, nn
 from torch.cuda.amp.grad_scaler import GradScaler
@@ -21,7 +21,7 @@ MOST_SKIPPED = 10
 
 
 class GuardedOptimizers(Optimizers):
-    """Optimizers that step, together with those of the drawn view, only if the step is sound."""
+    """Optimizers that step, together with that of the drawn view, only if the step is sound."""
 
     def __init__(
         self,
@@ -63,8 +63,11 @@ class GuardedOptimizers(Optimizers):
             what = "The step is skipped, and so are others of this photo if they are like it."
             announce(f"{self._last}. {what}", warning=True)
         model.drop_step()
-        for optimizer in every:
-            optimizer.zero_grad()
+        _drop_gradients(every)
+
+    def zero_grad_some(self, param_groups: list[str]) -> None:
+        """nerfstudio's, without asking torch's profiler for each group."""
+        _drop_gradients(self.optimizers[name] for name in param_groups)
 
     def scheduler_step_all(self, step: int) -> None:
         """nerfstudio's, which logs all rates at every step; here where a step is logged."""
@@ -84,17 +87,24 @@ class GuardedOptimizers(Optimizers):
         )
 
 
-def sum_of_squares(tensors: list[Tensor]) -> Float[Tensor, ""]:
-    """Sum of squares of all values: not finite if one of them is not, or is so large (1.8e19 in
-    float32) that Adam's second moment would stay infinite and the parameter never move again."""
-    return get_total_norm(tensors).square()
-
-
 @torch.no_grad()
 def is_sound(losses: Iterable[Tensor], optimizers: Iterable[Optimizer]) -> bool:
-    """Whether the terms of the loss and the gradients of all parameters are finite, which takes one
-    pass over the memory."""
-    groups = [group for each in optimizers for group in each.param_groups]
-    gradients = [p.grad for group in groups for p in group["params"] if p.grad is not None]
-    values = [*losses, *([sum_of_squares(gradients)] if gradients else [])]
-    return not values or bool(torch.stack(values).sum().isfinite())
+    """Whether the sum of squares of the terms of the loss and of the gradients of all parameters is
+    finite, which takes one pass over the memory. It is not if one of them is not, or is so large
+    (1.8e19 in float32) that Adam's second moment would stay infinite and the parameter never move
+    again."""
+    gradients = [p.grad for p in _parameters_of(optimizers) if p.grad is not None]
+    values = [*losses, *([get_total_norm(gradients, foreach=True)] if gradients else [])]
+    if not values:
+        return True
+    every = torch.stack(values)
+    return math.isfinite(torch.dot(every, every).item())
+
+
+def _drop_gradients(optimizers: Iterable[Optimizer]) -> None:
+    for parameter in _parameters_of(optimizers):
+        parameter.grad = None
+
+
+def _parameters_of(optimizers: Iterable[Optimizer]) -> Iterator[nn.Parameter]:
+    return (p for each in optimizers for group in each.param_groups for p in group["params"])

@@ -79,5 +79,6 @@ class ModelStep:
         torch.stack(list(losses.values())).sum().backward()
         self.optimizers.optimizer_step_all()
         for optimizer in self.model.view_optimizers().values():
-            optimizer.param_groups[0]["lr"] = 0.0
+            for group in optimizer.param_groups:
+                group["lr"] = 0.0
             optimizer.step()

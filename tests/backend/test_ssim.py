@@ -2,6 +2,7 @@ import pytest
 import torch
 from pytorch_msssim import ssim as msssim_ssim
 
+from desplat_ns.backend import ssim as ssim_module
 from desplat_ns.losses import photometric_losses
 
 SIZES = [(11, 11), (11, 40), (26, 27), (37, 171)]
@@ -32,7 +33,11 @@ def exact(pred: torch.Tensor, target: torch.Tensor) -> torch.Tensor:
 
 
 @pytest.mark.parametrize("size", SIZES)
-def test_value_and_gradient_agree_with_pytorch_msssim_in_float64(size):
+@pytest.mark.parametrize("device", ["cpu", "gpu"])
+def test_value_and_gradient_agree_with_pytorch_msssim_in_float64(size, device, monkeypatch):
+    """By the CPU's kernel, and by what a GPU does without fused-ssim, run on the CPU."""
+    if device == "gpu":
+        monkeypatch.setattr(torch.Tensor, "is_cpu", False)
     pred, target = images(*size)
     leaf, double = pred.clone().requires_grad_(), pred.double().requires_grad_()
     got, want = ssim(leaf, target), exact(double, target)
@@ -53,11 +58,29 @@ def test_strided_images_give_the_same():
 
 
 @pytest.mark.filterwarnings("ignore:Skipping Gaussian Smoothing")
-@pytest.mark.parametrize("kind", ["float64", "differentiable target", "small"])
-def test_what_the_kernels_cannot_do_pytorch_msssim_does(kind):
+@pytest.mark.parametrize("kind", ["float64", "small"])
+def test_what_the_kernels_cannot_do_torch_does(kind):
     pred, target = images(10, 30) if kind == "small" else images(16, 16)
     if kind == "float64":
         pred, target = pred.double(), target.double()
-    elif kind == "differentiable target":
-        target.requires_grad_()
     assert ssim(pred, target).item() == pytest.approx(exact(pred, target).item(), abs=FLAT)
+
+
+def test_fused_ssim_is_taken_where_it_is_installed_for_both_images_of_a_step(monkeypatch):
+    """With a stand-in that has its arguments, of planes and their borders left out."""
+    calls = []
+
+    def fused(image: torch.Tensor, target: torch.Tensor, padding: str) -> torch.Tensor:
+        calls.append((image.is_contiguous(), target.is_contiguous(), padding))
+        return msssim_ssim(image, target, data_range=1.0)
+
+    (one, other), photo = images(16, 20), images(16, 20, seed=1)[0]
+    weight = (torch.arange(16 * 20).reshape(16, 20, 1) % 3 / 2).float()
+    wanted = photometric_losses(photo, weight, 0.2, one, other)
+    monkeypatch.setattr(torch.Tensor, "is_cpu", False)
+    plain = photometric_losses(photo, weight, 0.2, one, other)
+    monkeypatch.setattr(torch.Tensor, "is_cuda", True)
+    monkeypatch.setattr(ssim_module, "fused_ssim", fused)
+    for got in (plain, photometric_losses(photo, weight, 0.2, one, other)):
+        torch.testing.assert_close(torch.stack(got), torch.stack(wanted), atol=FLAT, rtol=0)
+    assert calls == [(True, True, "valid")] * 2

@@ -59,8 +59,8 @@ class Scene:
         group.begin_step(dict.fromkeys(params, 1e-3))
         weighted = [(p * torch.arange(1.0, n + 1)[:, None]).sum() for p in params.values()]
         torch.stack(weighted).sum().backward()
-        for optimizer in group.optimizers.values():
-            optimizer.step()
+        assert group.optimizer is not None
+        group.optimizer.step()
         width, height = self.view.width, self.view.height
         # Of the mean over the pixels by half of the width, or of the sum over them by one pixel.
         unit = width * height if self.densifier.by_pixels else width / 2

@@ -284,11 +284,13 @@ def test_on_a_gpu_a_thread_finds_what_is_found_on_a_cpu(as_on_a_gpu):
     views = cameras(*ROW)
     expected, asked = swept(views, photos_of(views)), swept(views, photos_of(views))
     assert not workers()
+    with asked._locks[0]:  # the thread waits, and no step does
+        assert asked.is_ready(0, sweep.CPU) and not asked.is_ready(0, as_on_a_gpu)
     for index in (4, 0, 2, 1, 3):  # neither first in, first out, nor what the thread is at
         assert_same(left_in(asked, index, as_on_a_gpu), left_in(expected, index))
     for worker in workers():
         worker.join(20)
-    assert not workers()
+    assert not workers() and all(asked.is_ready(index, as_on_a_gpu) for index in range(5))
 
 
 def test_an_error_of_the_thread_is_one_of_the_step_that_asks(as_on_a_gpu, monkeypatch):
