@@ -15,7 +15,7 @@ FOREIGN = re.compile(
     r"|--(?:extra-)?index[-]url|--find[-]links|//files\.pythonhosted|//pypi\.org/simple"
 )
 LOCK_FILES = {"uv.lock", "poetry.lock", "Pipfile.lock", "pdm.lock"}
-LARGEST = 1_500_000
+LARGEST = 5_000_000
 """Bytes; what is larger is data, and data is generated."""
 
 
