@@ -15,6 +15,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
+import cv2
 import torch
 from nerfstudio.scripts.train import _set_random_seed
 
@@ -50,6 +51,7 @@ SAID = {
     "masks": "what was in the way, photo by photo.",
 }
 """The parts, and what each is."""
+VIDEO_SIZE = cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT
 FILES = {"report": "report.html", "page": "scene.html", "ply": "scene.ply", "masks": "masks"}
 
 
@@ -95,14 +97,19 @@ def expected_seconds(photos: Path, method: str, budget: float | None) -> dict[st
     """How long each part takes, roughly, of so many photos of such a size, before anything is timed
     on this machine: docs/results/speed.md."""
     settings, cuda = parse(method, []), torch.cuda.is_available()
-    count, pixels = 100, 1.0  # frames of a video, and their megapixels
+    count, size = 100, (0.0, 0.0)
     if photos.is_dir():
         folder = photos / "images" if (photos / "images").is_dir() else photos
         names = photo_names(folder)
         count = max(1, len(names))
         with suppress(DeSplatError, IndexError):
-            width, height = image_size(folder / names[count // 2])
-            pixels = width * height / 1e6 * min(1.0, 1600 / max(width, height)) ** 2
+            size = image_size(folder / names[count // 2])
+    elif photos.suffix != ".yml":
+        film = cv2.VideoCapture(str(photos), cv2.CAP_FFMPEG)
+        frames, *size = (film.get(k) for k in (cv2.CAP_PROP_FRAME_COUNT, *VIDEO_SIZE))
+        count = min(count, int(frames)) if frames >= 1 else count
+    longest = max(size)
+    pixels = size[0] * size[1] / 1e6 * min(1.0, 1600 / longest) ** 2 if longest > 0 else 1.0
     visits = settings.visits * (GPU_VISITS if cuda else 1)
     steps = steps_for_visits(visits, count, settings.nominal_num_iterations)
     step = 0.02 if cuda else (0.06 + 0.18 * pixels) / min(cores(), 4) ** 0.5
