@@ -47,23 +47,27 @@ class Preview:
             return
         whole = began - self._began + (self.trainer.seconds_left or 0.0)
         if self._spent + self._last <= COST * whole:
-            state, was_training = resume.rng_state(), self.pipeline.training
-            self.pipeline.eval()
-            try:
-                # what cannot be drawn is no reason to end the training
-                with suppress(Exception), self.pipeline.static_scene():
-                    self._shown = self._drawn(step + 1)
-            finally:
-                self.pipeline.train(was_training)
-                resume.restore_rng(state)
+            self._draw(step + 1)
             self._last = time.monotonic() - began
             self._spent += self._last
         self._write(step + 1)
         self._due = time.monotonic() + EVERY
 
     def end(self, steps: int) -> None:
-        """Let the page say that the run is over; it loads itself no more."""
+        """Draw the scene as it is, and say that the run is over; the page loads itself no more."""
+        self._draw(steps)
         self._write(steps, is_over=True)
+
+    def _draw(self, steps: int) -> None:
+        state, was_training = resume.rng_state(), self.pipeline.training
+        self.pipeline.eval()
+        try:
+            # what cannot be drawn is no reason to end the training
+            with suppress(Exception), self.pipeline.static_scene():
+                self._shown = self._drawn(steps)
+        finally:
+            self.pipeline.train(was_training)
+            resume.restore_rng(state)
 
     def _write(self, step: int, is_over: bool = False) -> None:
         left, total = self.trainer.seconds_left, max(step, self.trainer.total)
