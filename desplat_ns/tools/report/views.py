@@ -169,9 +169,11 @@ def disputed_places(means: Float[Tensor, "N 3"], photos: Sequence[Unlike]) -> Di
     share = float(disputed.sum() / judged.sum().clamp(min=1))
     if share <= MAX_DISPUTED:
         return None
-    hits = torch.zeros(len(photos), photos[0].cells.numel(), device=cells.device)
+    most = max(photo.cells.numel() for photo in photos)  # photos may have several sizes
+    hits = torch.zeros(len(photos), most, device=cells.device)
     where = hits.scatter_add(1, cells, (unlike & disputed).float()) > 0
     counts = where.sum(dim=1).tolist()
     order = sorted((i for i, count in enumerate(counts) if count), key=lambda i: -counts[i])
-    shown = where[order[0]].reshape(photos[order[0]].cells.shape).cpu().numpy()
+    first = photos[order[0]].cells
+    shown = where[order[0], : first.numel()].reshape(first.shape).cpu().numpy()
     return Disputed(share, [photos[i].name for i in order], shown)

@@ -76,7 +76,8 @@ def test_a_place_counts_where_it_is_seen():
     alpha[:, : WIDTH // 2] = 0.6
     means = torch.tensor([[-1.0, 0, 0], [1.0, 0, 0], [-1.0, 0, -20], [float("nan"), 0, 0]])
     photo = replace(of_photo(VIEWS // 2, alpha), view=view(VIEWS // 2))
-    found = disputed_places(means, [photo] * 5)
+    finer = replace(photo, cells=photo.cells.repeat_interleave(2, dim=0))  # of another size
+    found = disputed_places(means, [photo] * 3 + [finer] * 2)
     assert found is not None and found.share == 0.5  # of two places
     assert found.where.sum() == 1
     assert disputed_places(means, [photo] * 4) is None  # too few to judge
