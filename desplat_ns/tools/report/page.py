@@ -13,6 +13,7 @@ from desplat_ns.core.pages import fitted_into, template
 from desplat_ns.core.run_files import SURVEY, RunFiles
 from desplat_ns.core.schedule import GPU_VISITS, steps_for_visits
 from desplat_ns.core.whole import plain_errors, write_whole
+from desplat_ns.data.splits import in_both
 from desplat_ns.evaluation.config import in_words
 from desplat_ns.evaluation.evaluate import gaussian_counts
 from desplat_ns.tools.commands.report import Report
@@ -70,7 +71,8 @@ def shown_of(run: LoadedRun, most_training: int, most_held_out: int) -> dict[str
         left_out = json.loads(record.read_text("utf8"))["findings"]["left_out"]
     visits = config.visits * (1 if config.machine.device_type == "cpu" else GPU_VISITS)
     wanted = steps_for_visits(visits, num_photos, config.nominal_num_iterations)
-    of_photos = masks, places, left_out, wanted if config.budget else 0
+    splits = [each.image_filenames for each in (manager.train_dataset, manager.eval_dataset)]
+    of_photos = masks, places, left_out, wanted if config.budget else 0, in_both(*splits)
     said = verdict(run.steps, planned, num_photos, results, *of_photos)
     survey, findings = run.files.folder / SURVEY, None
     with suppress(OSError, ValueError):  # a run may have none

@@ -68,6 +68,7 @@ def verdict(
     places: Sequence[Sequence[str]] = (),
     left_out: Mapping[str, Sequence[str]] | None = None,
     wanted: int = 0,
+    twice: Sequence[str] = (),
 ) -> Iterator[tuple[str, str]]:
     """What is to be said of a scene before all else, each with its cure; nothing of a good one.
 
@@ -80,7 +81,15 @@ def verdict(
         places: training photos in groups that show nothing in common (`views.apart`).
         left_out: photos that got no pose, by the reason.
         wanted: steps that so many photos ask for, where a budget set the end.
+        twice: held-out photos that train as well.
     """
+    if twice:
+        yield (
+            f"{len(twice)} of the held-out photos also train: their scores say nothing of new "
+            "views.",
+            "To score the scene, train with `colmap --eval-mode interval`, which holds out every "
+            "eighth photo.",
+        )
     images = results.get("images", [])
     is_blurred = bool(images) and median(image["detail"] for image in images) < BLURRED
     blur = "The scene is blurred: the finest detail of the photos is missing."

@@ -44,6 +44,8 @@ def test_causes_come_before_consequences():
     assert said(scores(25, 26), steps=1600, planned=None, wanted=3000) == []
     (few,) = said(scores(25, 26, 19.9), photos=5)
     assert few.startswith("5 photos")
+    first, few = said(scores(35, 36), photos=5, twice=["a.jpg"])
+    assert first.startswith("1 of the held-out photos also train") and few.startswith("5 photos")
 
 
 def test_holes_and_veils_of_the_worst_photo_are_named():
