@@ -26,6 +26,9 @@ Shares of good and bad masks: docs/guides/results.md, "The report"."""
 WORSE = 8.0
 """dB below the median from which on a held-out photo is named: 6 and 3 in two complete runs."""
 
+Said = Iterator[tuple[str, str]]
+"""What is to be said, each with its cure."""
+
 
 def detail_kept(photo: UInt8[np.ndarray, "H W 3"], rendering: UInt8[np.ndarray, "H W 3"]) -> float:
     """How much of a photo's finest detail a rendering has: the energies of what is lost in half of
@@ -69,7 +72,7 @@ def verdict(
     left_out: Mapping[str, Sequence[str]] | None = None,
     wanted: int = 0,
     twice: Sequence[str] = (),
-) -> Iterator[tuple[str, str]]:
+) -> Said:
     """What is to be said of a scene before all else, each with its cure; nothing of a good one.
 
     Args:
@@ -83,15 +86,17 @@ def verdict(
         wanted: steps that so many photos ask for, where a budget set the end.
         twice: held-out photos that train as well.
     """
-    if twice:
-        yield (
-            f"{len(twice)} of the held-out photos also train: their scores say nothing of new "
-            "views.",
-            "To score the scene, train with `colmap --eval-mode interval`, which holds out every "
-            "eighth photo.",
-        )
     images = results.get("images", [])
     is_blurred = bool(images) and median(image["detail"] for image in images) < BLURRED
+    yield from _of_the_run(steps, planned, wanted, num_photos, is_blurred)
+    yield from _of_the_photos(num_photos, twice, places, left_out or {})
+    yield from _of_the_masks(masks)
+    yield from _of_held_out(images)
+
+
+def _of_the_run(
+    steps: int, planned: int | None, wanted: int, num_photos: int, is_blurred: bool
+) -> Said:
     blur = "The scene is blurred: the finest detail of the photos is missing."
     if planned is not None and steps < planned:
         yield (
@@ -112,6 +117,21 @@ def verdict(
             "Train anew and longer: a larger --budget, or more --max-num-iterations. If that is no "
             "help, look at the photos: shaken ones, or poses that are off, blur a scene as well.",
         )
+
+
+def _of_the_photos(
+    num_photos: int,
+    twice: Sequence[str],
+    places: Sequence[Sequence[str]],
+    left_out: Mapping[str, Sequence[str]],
+) -> Said:
+    if twice:
+        yield (
+            f"{len(twice)} of the held-out photos also train: their scores say nothing of new "
+            "views.",
+            "To score the scene, train with `colmap --eval-mode interval`, which holds out every "
+            "eighth photo.",
+        )
     if num_photos < FEW_PHOTOS:
         yield (
             f"{num_photos} photos are few: what one of them shows, no other may confirm.",
@@ -124,13 +144,16 @@ def verdict(
             "Put the photos of each place into a folder of its own, and type "
             "`desplat FOLDER` for each.",
         )
-    if lost := [name for names in (left_out or {}).values() for name in names]:
+    if lost := [name for names in left_out.values() for name in names]:
         yield (
             f"{len(lost)} photos have no pose and are not in the scene: {list_names(lost, 3)} "
-            f"({next(iter(left_out or {}))}).",
+            f"({next(iter(left_out))}).",
             "If they are of another place, put them into a folder of its own, and type "
             "`desplat FOLDER` for it. Else add photos between them and the others.",
         )
+
+
+def _of_the_masks(masks: Sequence[tuple[float, float]]) -> Said:
     masked = sum(share for share, _ in masks)
     needless = sum(share * anyway for share, anyway in masks)
     large = sum(share > LARGE for share, _ in masks)
@@ -150,6 +173,9 @@ def verdict(
             "0.3`, which asks for larger differences, or paint the masks by hand: "
             "docs/guides/results.md.",
         )
+
+
+def _of_held_out(images: Sequence[Mapping[str, Any]]) -> Said:
     usual = median(image["psnr"] for image in images) if images else 0.0
     if worse := [image["name"] for image in images if image["psnr"] < usual - WORSE]:
         yield (
