@@ -50,6 +50,7 @@ def _activate(params: RawParameters, colors: Tensor, sh_degree: int | None) -> S
     return Splats(
         means=params["means"],
         quats=params["quats"],
+        # a clamp, whose gradient is one operation instead of three
         scales=torch.exp(F.hardtanh(params["scales"], -torch.inf, MAX_LOG_SCALE)),
         opacities=sigmoid(params["opacities"]).squeeze(-1),
         colors=colors,

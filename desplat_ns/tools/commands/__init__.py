@@ -90,7 +90,8 @@ def _refuse_typos(command: Any, name: str) -> None:
     negated = [f"--no-{option.removeprefix('--')}" for option in known]
     for word in sys.argv[1:]:
         plain = word.partition("=")[0].replace("_", "-")
-        if word.startswith("--") and plain not in (*known, *negated, "--help"):
+        is_tyros = plain == "--help" or plain.startswith("--tyro-")
+        if word.startswith("--") and not is_tyros and plain not in (*known, *negated):
             raise ConfigError(_no_option(word, name, known))
 
 

@@ -50,6 +50,7 @@ ABSENT = ["--load-config", "absent.yml"]
         ("reproduce", ["A5", "--data", "/absent"], 1, "desplat-fetch-data"),
         ("desplat", ["--bugdet", "3min", "photos"], 1, "Did you mean --budget?"),
         ("desplat", ["--typo", "photos"], 1, "It has --budget, --method."),
+        ("desplat", ["--tyro-print-completion", "bash"], 0, "completion"),
     ],
 )
 def test_help_and_mistakes_import_nothing_heavy(
