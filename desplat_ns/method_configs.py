@@ -98,6 +98,7 @@ def desplat_model(effects: EffectsConfig) -> DeSplatModelConfig:
         gaussians_per_pixel=0.05,
         opacity_prior=0.2,
         near_plane=0.2,
+        long_axis_split=True,
     )
 
 

@@ -111,7 +111,10 @@ class DeSplatModel(SplatfactoModel):
         }
         most = config.most_gaussians(pixels, self.kwargs.get("device", "cpu"))
         self.strategy = StaticStrategy(
-            **settings, most=most, cull_to_the_end=config.cull_to_the_end
+            **settings,
+            most=most,
+            long_axis_split=config.long_axis_split,
+            cull_to_the_end=config.cull_to_the_end,
         )
         self.image_effects = ImageEffects(effects, config.appearance, num_views, config.sh_degree)
         if self.image_effects.appearance is not None:

@@ -91,6 +91,9 @@ class DeSplatModelConfig(SplatfactoModelConfig):
     the seed points in the view start, and those before that start that reach the camera
     (`stands_clear`): what hangs there contradicts no photo, and hides the scene. Training draws
     them. 0 in the paper: nothing is left out."""
+    long_axis_split: bool = False
+    """Let a static Gaussian grow into two halves of it, one behind the other along its longest
+    axis. Splatfacto and the paper clone small ones, and draw two within a large one at random."""
     cull_to_the_end: bool = False
     """Prune faint static Gaussians after `stop_split_at` as well. Splatfacto did so when the paper
     was written (nerfstudio 1.1.4: `continue_cull_post_densification`)."""

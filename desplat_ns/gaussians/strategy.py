@@ -9,8 +9,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import torch
+import torch.nn.functional as F
 from gsplat.strategy import DefaultStrategy
-from gsplat.strategy.ops import reset_opa
+from gsplat.strategy.ops import _update_param_with_optimizer as replace_rows
+from gsplat.strategy.ops import duplicate, normalized_quat_to_rotmat, reset_opa, split
+from jaxtyping import Bool
 from torch import Tensor, nn
 from torch.optim import Optimizer
 
@@ -19,6 +22,9 @@ from desplat_ns.gaussians.activation import RawParameters
 
 UNLIMITED = 2**62
 """A step that no training reaches, and a number of Gaussians that no set has."""
+
+HALF_LENGTH = 0.6
+"""Standard deviation along the axis, by that of the Gaussian that was split in two there."""
 
 LAST = "last_step"
 """Key in a strategy's state: the step that it was called at before."""
@@ -82,6 +88,43 @@ def prune(
     strategy._prune_gs(params, optimizers, state, step)  # pyright: ignore[reportArgumentType]
 
 
+@torch.no_grad()
+def long_axis_split(
+    params: RawParameters,
+    optimizers: Mapping[str, Any],
+    state: dict[str, Any],
+    mask: Bool[Tensor, " N"],
+) -> None:
+    """Replace each Gaussian of `mask` by two, one behind the other along its longest axis, which
+    have its mass (opacity times volume), its mean and its covariance together. gsplat's `split`
+    draws two places at random, and what the Gaussian had learned is lost with its place."""
+    chosen, rest = mask.nonzero().squeeze(-1), (~mask).nonzero().squeeze(-1)
+    scales = params["scales"][chosen].exp()
+    longest, axis = scales.max(dim=-1, keepdim=True)
+    along = F.one_hot(axis.squeeze(-1), 3).to(scales)
+    turned = normalized_quat_to_rotmat(F.normalize(params["quats"][chosen], dim=-1))
+    offset = (1 - HALF_LENGTH**2) ** 0.5 * longest * (turned @ along[..., None]).squeeze(-1)
+    opacity = torch.sigmoid(params["opacities"][chosen]) / (2 * HALF_LENGTH)
+    changed = {
+        "means": params["means"][chosen] + torch.stack([offset, -offset]),
+        "scales": (scales * (1 + (HALF_LENGTH - 1) * along)).log().expand(2, -1, -1),
+        "opacities": torch.logit(opacity).expand(2, -1, -1),
+    }
+
+    def with_halves(name: str, value: Tensor) -> Tensor:
+        halves = changed.get(name, value[chosen].expand(2, *[-1] * value.dim()))
+        return nn.Parameter(torch.cat([value[rest], halves.flatten(0, 1)]))
+
+    def with_zeros(name: str, moment: Tensor) -> Tensor:
+        zeros = moment.new_zeros(2 * len(chosen), *moment.shape[1:])
+        return torch.cat([moment[rest], zeros])
+
+    replace_rows(with_halves, with_zeros, params, optimizers)  # pyright: ignore[reportArgumentType]
+    for name, value in state.items():
+        if isinstance(value, Tensor):
+            state[name] = torch.cat([value[rest], value[chosen], value[chosen]])
+
+
 @dataclass
 class StaticStrategy(DefaultStrategy):
     """gsplat's DefaultStrategy for a run of any length on a capture of any size.
@@ -93,6 +136,8 @@ class StaticStrategy(DefaultStrategy):
 
     most: int = UNLIMITED
     """Gaussians beyond which the set does not grow."""
+    long_axis_split: bool = False
+    """Split by `long_axis_split` all that grow; none is cloned, nor split at random."""
     cull_to_the_end: bool = False
     """Prune after `refine_stop_iter` as well, every `refine_every` steps of the run: nerfstudio
     1.1.4 does, 1.1.5 does not."""
@@ -129,31 +174,39 @@ class StaticStrategy(DefaultStrategy):
             sample(self, params, state, info)
             state[self.SAMPLED] = state.get(self.SAMPLED, 0) + 1
         if step > self.refine_start_iter and state.get(self.SAMPLED, 0) >= self.refine_every:
-            self._let_the_strongest_grow(params, state, step)
             refine(self, params, optimizers, state, step)
             state[self.SAMPLED] = 0
         if crossed(state, step, self.reset_every):
             reset_opa(params, optimizers, state, value=self.prune_opa * 2.0)  # pyright: ignore[reportArgumentType]
         state[LAST] = step
 
-    def _let_the_strongest_grow(
-        self, params: nn.ParameterDict, state: dict[str, Any], step: int
-    ) -> None:
-        """Where more would grow than there is room for, the smaller gradients have to wait. A clone
-        or a split adds one; gsplat does both to a small one with a high gradient that is wide on
-        the screen. The host waits for nothing here."""
+    @torch.no_grad()
+    def _grow_gs(
+        self,
+        params: nn.ParameterDict,  # pyright: ignore[reportIncompatibleMethodOverride]
+        optimizers: dict[str, Optimizer],
+        state: dict[str, Any],
+        step: int,
+    ) -> None:  # pyright: ignore[reportIncompatibleMethodOverride]
+        """gsplat's, but where more would grow than there is room for, the smaller gradients have to
+        wait. A clone or a split adds one; gsplat does both to a small one with a high gradient that
+        is wide on the screen."""
         gradients: Tensor = state["grad2d"] / state["count"].clamp_min(1)
         steep = gradients > self.grow_grad2d
         small = params["scales"].exp().amax(dim=-1) <= self.grow_scale3d * state["scene_scale"]
-        split = steep & ~small
+        if self.long_axis_split:
+            small = torch.zeros_like(steep)
+        cloned, divided = steep & small, steep & ~small
         if step < self.refine_scale2d_stop_iter:
-            split |= state["radii"] > self.grow_scale2d
-        added = (steep & small).long() + split
+            divided |= state["radii"] > self.grow_scale2d
+        added = cloned.long() + divided
         order = gradients.masked_fill(added == 0, -1.0).argsort(descending=True, stable=True)
-        waits = torch.empty_like(steep)
-        waits[order] = added[order].cumsum(dim=0) > max(0, self.most - len(added))
-        state["grad2d"].masked_fill_(waits, 0.0)
-        if step < self.refine_scale2d_stop_iter:
-            state["radii"] = state["radii"].where(
-                ~waits, state["radii"].clamp(max=self.grow_scale2d)
-            )
+        has_room = torch.empty_like(steep)
+        has_room[order] = added[order].cumsum(dim=0) <= max(0, self.most - len(added))
+        cloned, divided = cloned & has_room, divided & has_room
+        if cloned.any():
+            duplicate(params, optimizers, state, cloned)  # pyright: ignore[reportArgumentType]
+        if divided.any():
+            divided = F.pad(divided, (0, len(params["means"]) - len(divided)))
+            halve = long_axis_split if self.long_axis_split else split
+            halve(params, optimizers, state, divided)  # pyright: ignore[reportArgumentType]

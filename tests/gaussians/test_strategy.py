@@ -5,12 +5,14 @@ from typing import Any
 import pytest
 import torch
 from gsplat.strategy import DefaultStrategy
+from gsplat.strategy.ops import normalized_quat_to_rotmat
 from torch import nn
 
 from desplat_ns.backend.protocol import Rendering, View
 from desplat_ns.core.schedule import NominalStep
 from desplat_ns.distractors.refinement import strategy_info
-from desplat_ns.gaussians.strategy import UNLIMITED, StaticStrategy, sample
+from desplat_ns.gaussians.activation import activate_static
+from desplat_ns.gaussians.strategy import UNLIMITED, StaticStrategy, long_axis_split, sample
 
 VIEW = View(torch.eye(4), torch.eye(3), width=20, height=10)
 
@@ -120,6 +122,15 @@ def test_with_little_room_the_steepest_grow():
     assert torch.equal(clones, means[[1, 2]])
 
 
+def test_the_long_axis_split_clones_none():
+    scene = Scene(long_axis_split=True)
+    scene.params["scales"].data.fill_(-5.0)  # small enough to be cloned otherwise
+    for step in (1, 2, 3):
+        count = scene.step(step, [0.6, 0.9, 0.0, 0.0])
+    assert count == 6
+    assert (scene.params["scales"].amin(dim=-1) < -5).tolist() == 2 * [False] + 4 * [True]
+
+
 @pytest.mark.parametrize("most", [5, 7])
 def test_wide_ones_are_split_only_where_there_is_room_and_after_the_steep(most):
     scene = Scene(most=most, refine_scale2d_stop_iter=100, grow_scale2d=0.01)
@@ -141,6 +152,45 @@ def test_a_set_stays_within_the_limit_where_gaussians_are_cloned_and_split_at_on
     for step in (1, 2, 3):
         count = scene.step(step, [0.9, 0.6, 0.7, 0.0])  # the last one is only split
     assert count == max(full for full in (4, 6, 8, 10, 11) if full <= most)
+
+
+def test_two_halves_have_the_mass_the_mean_and_the_covariance_of_the_whole():
+    """In float64, some 100 roundings of numbers of the order of 1."""
+    generator = torch.Generator().manual_seed(0)
+    sizes = {"means": (3,), "scales": (3,), "quats": (4,), "opacities": (1,), "features_dc": (3,)}
+    params = nn.ParameterDict()
+    for name, shape in sizes.items():
+        drawn = torch.randn(5, *shape, generator=generator, dtype=torch.float64)
+        params[name] = nn.Parameter(drawn)
+    optimizers: Any = {name: torch.optim.Adam([p]) for name, p in params.items()}
+    sum((p.sum() for p in params.values()), torch.tensor(0.0)).backward()
+    for optimizer in optimizers.values():
+        optimizer.step()
+    whole = {name: p.detach().clone() for name, p in params.items()}
+    state: dict[str, Any] = {"count": torch.arange(5.0)}
+    long_axis_split(params, optimizers, state, torch.tensor([True, False, True, False, False]))
+    assert state["count"].tolist() == [1, 3, 4, 0, 2, 0, 2]
+    for parent, halves in ((0, [3, 5]), (2, [4, 6])):
+        torch.testing.assert_close(
+            moments_of(params, halves), moments_of(whole, [parent]), rtol=1e-13, atol=1e-13
+        )
+        widths, before = params["scales"][halves], whole["scales"][parent]
+        assert (widths.isclose(before).sum(dim=-1) == 2).all()  # the longest alone is shorter
+        for name, p in params.items():
+            moment = optimizers[name].state[p]["exp_avg"]
+            assert not moment[halves].any() and moment[:3].all()
+
+
+def moments_of(params: Any, rows: list[int]) -> tuple[torch.Tensor, ...]:
+    """Mass, mean and covariance of a mixture."""
+    splats = activate_static({name: p[rows] for name, p in params.items()}, None)
+    masses = splats.opacities * splats.scales.prod(dim=-1)
+    axes = normalized_quat_to_rotmat(nn.functional.normalize(splats.quats, dim=-1))
+    weights = masses / masses.sum()
+    mean = weights @ splats.means
+    away = splats.means - mean
+    spread = axes * splats.scales.square()[:, None] @ axes.mT + away[:, :, None] * away[:, None]
+    return masses.sum(), mean, (weights[:, None, None] * spread).sum(dim=0)
 
 
 @pytest.mark.parametrize(("to_the_end", "left"), [(False, 4), (True, 3)])
