@@ -38,8 +38,8 @@ def sample(
     info: dict[str, Any],
 ) -> None:
     """Add the gradients of a visit to the statistics in `state`, by which `refine` judges: gsplat's
-    `_update_state` for a single camera, but for rounding and for the host, which would have to wait
-    for the number of rows three times. `info`: of the rendering, as gsplat's strategies read it."""
+    `_update_state` for a single camera, which does not let the host wait for numbers of rows.
+    `info`: of the rendering, as gsplat's strategies read it."""
     means2d, radii = info[strategy.key_for_gradient], info["radii"][0]
     gradients = (means2d.absgrad if strategy.absgrad else means2d.grad)[0].clone()
     gradients[:, 0] *= info["width"] / 2.0 * info["n_cameras"]
@@ -65,21 +65,10 @@ def refine(
 ) -> None:
     """Clone, split and prune by the statistics in `state`, which are then set to zero."""
     strategy._grow_gs(params, optimizers, state, step)  # pyright: ignore[reportArgumentType]
-    prune(strategy, params, optimizers, state, step)
+    strategy._prune_gs(params, optimizers, state, step)  # pyright: ignore[reportArgumentType]
     for name in ("grad2d", "count", "radii"):
         if state.get(name) is not None:
             state[name].zero_()
-
-
-def prune(
-    strategy: DefaultStrategy,
-    params: RawParameters,
-    optimizers: Mapping[str, Any],
-    state: dict[str, Any],
-    step: int,
-) -> None:
-    """Remove faint Gaussians, and those that are too wide once `step` is beyond the first reset."""
-    strategy._prune_gs(params, optimizers, state, step)  # pyright: ignore[reportArgumentType]
 
 
 @dataclass
@@ -108,18 +97,12 @@ class StaticStrategy(DefaultStrategy):
         info: dict[str, Any],
         packed: bool = False,
     ) -> None:
-        """After an optimizer step: add it to the sample, refine if that is complete, reset if due.
-
-        Args:
-            params: raw parameters of the set.
-            optimizers: by the same names.
-            state: what is gathered; replaced rows follow.
-            info: of the rendering, as gsplat's strategies read it.
-        """
+        """After an optimizer step: add it to the sample, refine if that is complete, reset if due;
+        rows of `optimizers` and `state` follow."""
         if step >= self.refine_stop_iter:
             state[self.SAMPLED] = state.get(self.SAMPLED, 0) + 1
             if self.cull_to_the_end and state[self.SAMPLED] >= self.refine_every:
-                prune(self, params, optimizers, state, step)
+                self._prune_gs(params, optimizers, state, step)
                 state[self.SAMPLED] = 0
             return
         recovering = step >= self.reset_every and (
@@ -141,7 +124,7 @@ class StaticStrategy(DefaultStrategy):
     ) -> None:
         """Where more would grow than there is room for, the smaller gradients have to wait. A clone
         or a split adds one; gsplat does both to a small one with a high gradient that is wide on
-        the screen. The host waits for nothing here."""
+        the screen."""
         gradients: Tensor = state["grad2d"] / state["count"].clamp_min(1)
         steep = gradients > self.grow_grad2d
         small = params["scales"].exp().amax(dim=-1) <= self.grow_scale3d * state["scene_scale"]
