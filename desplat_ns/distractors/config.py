@@ -53,13 +53,10 @@ class DistractorConfig:
     start: Literal["everywhere", "residual"] = "everywhere"
     """Where distractors start: spread over every view and refined by Splatfacto's rules, as in the
     paper; or, visit by visit, where a photo shows what the other views do not, and only there."""
-    weak_excess: float = ranged(0.05, "(0, inf)")
-    """With start residual: evidence that a place has to show to belong to something in the way, in
-    colours in [0, 1]: its residual beyond the expected one, limited by what other photos leave
-    unexplained."""
     strong_excess: float = ranged(0.15, "(0, inf)")
     """With start residual: evidence that something in the way has to show in one place at least,
-    once the scene is learned; before, more."""
+    once the scene is learned; before, more. It is the residual beyond the expected one, limited by
+    what other photos leave unexplained, of colours in [0, 1]."""
     static_alone: bool = False
     """Train the static scene by a photometric loss of its own, on the pixels that no distractor
     covers; the composite's loss then trains distractors only. The paper has one loss for both."""

@@ -85,7 +85,7 @@ class Distractors(nn.Module):
         """A sky, and a colour that the user chose, are part of the scene."""
         every = config.steps_between_refinements(len(cameras), scale)
         self.densifier = DistractorDensifier(config, static, every)
-        self.thresholds = Thresholds(config.weak_excess, config.strong_excess)
+        self.thresholds = Thresholds(strong=config.strong_excess)
         self.sweep = PlaneSweep(points, cameras)
         self.regions: dict[int, Bool[Tensor, "rows columns"]] = {}
         """Those of each view, as it was last looked at."""

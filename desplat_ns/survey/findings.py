@@ -39,6 +39,8 @@ class Survey:
 
     appearance: Finding
     background: Finding
+    num_photos: int
+    """Of the training split."""
     notes: tuple[str, ...] = ()
     mismatch: str = ""
     """What makes training useless: see `mismatches`."""

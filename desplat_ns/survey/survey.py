@@ -68,12 +68,8 @@ def survey(capture: DataparserOutputs) -> tuple[Survey, Evidence]:
         )
     if len(observations.views) < len(capture.image_filenames):
         notes.append(f"{len(observations.views)} photos, evenly spread, stand for all.")
-    findings = Survey(
-        appearance=appearance,
-        background=background,
-        notes=(*notes, *said),
-        mismatch=mismatch,
-    )
+    num_photos = len(capture.image_filenames)
+    findings = Survey(appearance, background, num_photos, (*notes, *said), mismatch)
     return findings, Evidence(observations, light, steps, skies)
 
 
