@@ -29,13 +29,8 @@ LAMBDA_BG = 0.15
 def image_losses(
     step: Step, outputs: dict[str, Any], config: DeSplatModelConfig, effects: Effects
 ) -> dict[str, Float[Tensor, ""]]:
-    """The terms of Eq. 5 and 12, and the one that `distractors.static_alone` adds.
-
-    Args:
-        step: after it was compared with its photo.
-        outputs: of `DeSplatModel.get_outputs` in training.
-        config: as it is in this run.
-    """
+    """The terms of Eq. 5 and 12, and the one that `distractors.static_alone` adds, of a step that
+    was compared with its photo. `outputs`: of `DeSplatModel.get_outputs` in training."""
     own, sky, mask = config.distractors, effects.background, step.mask
     alpha_s = outputs["accumulation"]
     alpha_d = outputs.get("alpha_distractor")

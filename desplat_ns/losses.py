@@ -39,7 +39,6 @@ def photometric_losses(
 
     Args:
         distractor_weight: of the first image, in [0, 1]; None for 0. That of the second is 0.
-        leak: what a pixel of distractor weight 1 counts in L1.
         images: one, or two that are equal wherever the distractor weight is 0. On a CPU blocks
             in which they are equal are worked out once, and the second has no gradient there.
         compiled: by numba's kernels where they can; else by torch.
@@ -101,12 +100,8 @@ def mean_shown_opacity(
 def camera_response_loss(
     numbers: Float[Tensor, " 5"], mean: Float[Tensor, " 5"], photometric: Float[Tensor, ""]
 ) -> Float[Tensor, ""]:
-    """The prior of a camera's response, about the photos' mean, beside the photometric loss.
-
-    Args:
-        numbers: of `camera_response`.
-        mean: over the photos; a constant.
-        photometric: the photo's loss; it stands for the size of an error, and gets no gradient.
+    """The prior of the numbers of a `camera_response` about the photos' mean, in units of the
+    photometric loss; neither of these gets a gradient.
 
     Source: negative log likelihoods, Laplace's of the errors and Gauss's of the numbers.
     """

@@ -15,8 +15,7 @@ from desplat_ns.core.console import announce
 from desplat_ns.core.options import LpipsNet
 
 PSNR_MAX = 100.0
-"""dB. Reported for identical images instead of infinity, which JSON cannot hold. It stands for an
-RMS error of 1e-5, a two-hundredth of the rounding of an 8-bit photo (54 dB at most)."""
+"""dB. Reported for identical images instead of infinity, which JSON cannot hold."""
 
 _NETS: dict[LpipsNet, tuple[str, str, int]] = {
     "alex": ("AlexNet", "alexnet-owt-7be5be79.pth", 31),

@@ -133,8 +133,8 @@ class DeSplatModel(SplatfactoModel):
 
     @property
     def rasterizer(self) -> Rasterizer:
-        """The backend, chosen when first needed. Raises BackendUnavailableError in training, if it
-        cannot run here; what was trained elsewhere is rendered with what there is."""
+        """The backend. Raises BackendUnavailableError in training, if it cannot run here; what was
+        trained elsewhere is rendered with what there is."""
         if self._rasterizer is None:
             try:
                 self._rasterizer = resolve(self.config.backend, self.device.type)
@@ -152,8 +152,7 @@ class DeSplatModel(SplatfactoModel):
         return groups
 
     def view_optimizers(self) -> dict[str, Optimizer]:
-        """That of the distractors that the step at hand drew, beside nerfstudio's, which hold what
-        all views share."""
+        """That of the distractors that the step at hand drew; nerfstudio's hold all else."""
         step = self.train_step
         if self.distractors is None or step is None or step.distractors is None:
             return {}
@@ -163,14 +162,10 @@ class DeSplatModel(SplatfactoModel):
     # --- a step ------------------------------------------------------------------------------
 
     def get_outputs(self, camera: Cameras) -> dict[str, Tensor]:
-        """Render one camera.
-
-        Returns:
-            Images [H, W, C] with colours in [0, 1]: rgb (in training what the loss sees, else the
-            static scene), depth (world units; not in training), accumulation, background; with
-            distractors also rgb_static, rgb_composite, rgb_distractor (weighted by its alpha),
-            alpha_distractor and distractor_mask (bool).
-        """
+        """Render one camera: images [H, W, C] with colours in [0, 1]. They are rgb (in training
+        what the loss sees, else the static scene), depth (world units; not in training),
+        accumulation, background; with distractors also rgb_static, rgb_composite, rgb_distractor
+        (weighted by its alpha), alpha_distractor and distractor_mask (bool)."""
         index = train_index(camera)
         if self.training:
             assert index is not None, "a camera to train on says which training view it is"
@@ -225,8 +220,7 @@ class DeSplatModel(SplatfactoModel):
     def get_loss_dict(
         self, outputs: dict[str, Any], batch: dict[str, Any], metrics_dict: Any = None
     ) -> dict[str, Tensor]:
-        """The terms of the loss; training adds them up. Outside of training, those of the static
-        scene."""
+        """The terms of the loss; outside of training those of the static scene."""
         if not self.training:
             photo = self.photo_of(outputs, batch)
             mask = self.mask_of(batch, photo.device)
@@ -295,8 +289,7 @@ class DeSplatModel(SplatfactoModel):
         return small.float() / 255.0 if image.dtype == torch.uint8 else small
 
     def mask_of(self, batch: dict[str, Any], device: torch.device) -> Tensor | None:
-        """The user's mask [H, W, 1], True in the pixels that count, of smaller photos those of
-        which at least half does (`resize_mask`). None if there is none."""
+        """The user's mask [H, W, 1], True in the pixels of which at least half counts, if any."""
         if "mask" not in batch:
             return None
         return (self._downscale_if_required(batch["mask"].float()) >= 0.5).to(device)
@@ -342,11 +335,6 @@ class DeSplatModel(SplatfactoModel):
         """The training photo of the step at hand."""
         train_step = self.train_step
         return "an unknown photo" if train_step is None else view_name(self.names, train_step.index)
-
-    def drop_step(self) -> None:
-        """Throw the step at hand away: `step_post_backward` then does nothing, and nothing of it is
-        remembered. A refinement or reset that was due follows at the next one."""
-        self.train_step = None
 
     @torch.no_grad()  # torch warns where numbers with a gradient are logged
     def get_metrics_dict(self, outputs: dict[str, Any], batch: dict[str, Any]) -> dict[str, Any]:
@@ -426,8 +414,7 @@ class DeSplatModel(SplatfactoModel):
 
     @cached_property
     def points(self) -> Tensor | None:
-        """Of the reconstruction [P, 3], as many as say where the scene starts in a view; None if
-        the scene did not start from them."""
+        """A sample of the reconstruction's [P, 3]; None if the scene did not start from them."""
         if not self.has_points:
             return None
         assert self.seed_points is not None
@@ -441,9 +428,8 @@ class DeSplatModel(SplatfactoModel):
     # --- the light of an image ---------------------------------------------------------------
 
     def embedding_of(self, index: int | None) -> Tensor:
-        """The image embedding [E] to draw with, empty where images do not differ: in training that
-        of view `index`; else the one chosen to be shown, that of view `index`, or the average of
-        all."""
+        """The image embedding [E] to draw with: in training that of view `index`; else the one
+        chosen to be shown, that of view `index`, or the average of all."""
         if self.training and index is not None:
             return self.image_effects.of(index)
         return self.shown_light.embedding(self.image_effects, index)
@@ -504,8 +490,7 @@ class DeSplatModel(SplatfactoModel):
 
     @torch.no_grad()
     def shown_splats(self, rows: Tensor | None = None) -> Splats:
-        """The static Gaussians in the light that is shown: what a file can hold of them; those of
-        the given rows only, by number or mask, where there are some."""
+        """The static Gaussians, or some rows of them, in the light that is shown, for a file."""
         params: RawParameters = self.gauss_params
         if rows is not None:
             params = {name: value[rows] for name, value in params.items()}

@@ -12,19 +12,14 @@ from desplat_ns.backend.spherical_harmonics import MAX_DEGREE
 from desplat_ns.core.cores import memory as machine_memory
 from desplat_ns.core.effects import EffectsConfig
 from desplat_ns.core.options import check_ranges, ranged
-from desplat_ns.core.schedule import (
-    SPLATFACTOS_INTERVAL,
-    steps_between_refinements,
-)
+from desplat_ns.core.schedule import SPLATFACTOS_INTERVAL, steps_between_refinements
 from desplat_ns.distractors.config import DistractorConfig
 from desplat_ns.gaussians.strategy import UNLIMITED
 from desplat_ns.photo_tourism.config import AppearanceConfig
 
 BYTES_A_GAUSSIAN = 4 * 59 * 8
-"""Memory of one more static Gaussian in training, float32: 3 numbers of its place, 3 of its size, 4
-of its turn, its opacity, 48 of its colour; values, gradients, Adam's two moments, what is drawn of
-them and its gradients, what the rasterizer keeps, or a refinement makes anew. At the peak 1,875
-bytes were measured (docs/results/speed.md)."""
+"""Memory of one more static Gaussian in training: 59 numbers in float32, and as many of gradients,
+moments, what is drawn and what is kept; 1,875 bytes were measured (docs/results/speed.md)."""
 
 MEMORY_SHARE = 0.5
 """Of the memory; the rest is for photos, images and other programs."""
@@ -64,28 +59,24 @@ class DeSplatModelConfig(SplatfactoModelConfig):
     sh_degree_interval: int = ranged(1000, "[1, inf)")
     """Steps after which one degree more is learned."""
     refinements: int = ranged(15, "[1, inf)")
-    """Refinements of the static set in a run, whatever its length: they are as many steps apart as
-    `stop_split_at` has by this number, and at least half a round of the views. See
+    """Refinements of the static set in a run, at least half a round of the views apart. See
     docs/explain/separation.md, "How often Gaussians are refined"."""
     first_megapixels: float = ranged(0.0, "[0, inf)")
-    """Size of large training photos at the start: a coarse scene has no use for more, and a step
-    costs less. Their sides grow by equal factors in equal times, and reach their full length when
-    Splatfacto's would, after `num_downscales` times `resolution_schedule` steps. The threshold of
-    growth is divided by the root of the reduction at the start: in photos of more pixels a Gaussian
-    that covers as many of them has a smaller gradient. 0 for Splatfacto's sizes (2^num_downscales
-    times smaller, halved every `resolution_schedule` steps) and its threshold."""
+    """Size of large training photos at the start. Their sides grow by equal factors in equal times,
+    and reach their full length when Splatfacto's would, after `num_downscales` times
+    `resolution_schedule` steps. The threshold of growth is divided by the root of the reduction at
+    the start. 0 for Splatfacto's sizes (2^num_downscales times smaller, halved every
+    `resolution_schedule` steps) and its threshold."""
     train_downscale: int = ranged(1, "[1, inf)")
-    """Factor by which photos are smaller in training at least, to the end; a step then costs less.
-    Renderings and evaluation have their full size."""
+    """Factor by which photos are smaller in training at least; renderings have their full size."""
     gaussians_per_pixel: float = ranged(0.0, "[0, inf)")
     """Static Gaussians at most, per pixel of all training photos together: more than the photos can
     hold in place become floaters. 0 for no such limit, as in the paper. In any case at most as many
     as fit into memory. A capture that starts with more keeps those, but does not grow."""
     opacity_prior: float = ranged(0.0, "[0, inf)")
     """Weight of the mean opacity of the static Gaussians that a photo shows, divided by the number
-    of training photos: the fewer there are, the more it says beside them. What no photo needs fades
-    and is pruned (docs/explain/separation.md, "What the static scene trains on"). 0 in the paper.
-    It counts as 0 with `effects.appearance` affine or sh: there the scene fades."""
+    of training photos: what no photo needs fades and is pruned (docs/explain/separation.md, "What
+    the static scene trains on"). 0 in the paper, and with `effects.appearance` affine or sh."""
     near_plane: float = ranged(0.0, "[0, 1)")
     """Renderings leave out static Gaussians that are nearer than this share of the depth at which
     the seed points in the view start, and those before that start that reach the camera

@@ -12,7 +12,7 @@ from desplat_ns.distractors import refinement
 from desplat_ns.distractors.config import DistractorConfig
 from desplat_ns.distractors.refinement import DistractorDensifier
 from desplat_ns.layers import composite_alpha, over_background
-from tests.helpers.small_model import HEIGHT, WIDTH, Trainer, camera, distractors_of, make_model
+from tests.helpers.small_model import Trainer, camera, distractors_of, make_model
 
 
 def test_training_draws_the_distractors_of_that_view_over_the_static_scene():
@@ -142,11 +142,3 @@ def test_points_several_times_at_one_place_make_the_gaussians_that_they_make_onc
     points = torch.rand(30, 3)
     once, often = make_model(points), make_model(points.repeat(4, 1))
     assert torch.equal(often.means, once.means) and torch.equal(often.scales, once.scales)
-
-
-def test_the_figures_of_a_step_have_no_gradient():
-    rgb = torch.rand(HEIGHT, WIDTH, 3, requires_grad=True)
-    outputs = {"rgb": rgb, "background": torch.zeros(3)}
-    batch = {"image": torch.zeros(HEIGHT, WIDTH, 3)}
-    figures = make_model().train().get_metrics_dict(outputs, batch)
-    assert not any(getattr(value, "requires_grad", False) for value in figures.values())

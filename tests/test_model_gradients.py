@@ -63,23 +63,6 @@ def test_a_pose_that_is_off_is_put_right_by_its_own_photo():
     assert not adjustment[[0, 2]].any()
 
 
-def test_what_a_mask_leaves_out_is_nothing_to_the_static_loss_and_the_rest_is():
-    model = make_model(distractors=EVERYWHERE)
-    trainer = Trainer(model)
-    trainer.step(0)
-    outputs = model(camera(0))
-    mask = torch.ones(HEIGHT, WIDTH, 1)
-    mask[:, : WIDTH // 2] = 0
-
-    def loss(photo: torch.Tensor) -> float:
-        batch = {"image": photo, "mask": mask}
-        return model.get_loss_dict(outputs, batch)["static_photometric"].item()
-
-    other = 1 - trainer.photo
-    assert loss(torch.where(mask == 0, other, trainer.photo)) == loss(trainer.photo)
-    assert loss(torch.where(mask == 1, other, trainer.photo)) != loss(trainer.photo)
-
-
 @pytest.mark.parametrize(("columns", "counts"), [(2, True), (1, False)])
 def test_a_pixel_of_smaller_photos_counts_if_at_least_half_of_it_does(columns, counts):
     model = make_model(train_downscale=4)

@@ -132,22 +132,6 @@ def test_before_a_background_the_scene_may_be_empty_but_in_what_distractors_own(
     assert "static_transparency" not in Trainer(model).step(0)["losses"]
 
 
-def test_nothing_is_learned_from_a_dropped_step():
-    model = a_dense_model(static_warmup=3)
-    trainer = Trainer(model)
-    for step in range(3):
-        trainer.step(step, step)
-    before = model.strategy_state["usual_residual"]
-    model.step = 3
-    outputs = model(camera(0))
-    model.get_loss_dict(outputs, {"image": trainer.photo})
-    model.drop_step()
-    model.step_post_backward(3)
-    assert model.strategy_state["usual_residual"] is before
-    trainer.step(4, 0)
-    assert model.strategy_state["usual_residual"] is not before
-
-
 @pytest.mark.parametrize(("backend", "is_compiled"), [("torch", False), ("numba", True)])
 def test_backend_torch_computes_no_loss_by_compiled_kernels(monkeypatch, backend, is_compiled):
     called = []

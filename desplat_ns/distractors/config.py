@@ -51,38 +51,30 @@ class DistractorConfig:
     per_view: int = ranged(1000, "[0, inf)")
     """Distractor Gaussians that cover one training view. B.3."""
     start: Literal["everywhere", "residual"] = "everywhere"
-    """Where distractors start: spread over the whole of every view, or, visit by visit, where a
-    photo shows what the other views do not; then those elsewhere are removed, too, and they are
-    refined by what they make up of the image. The paper has everywhere, and Splatfacto's rules."""
-    weak_excess: float = ranged(0.05, "(0, inf)")
-    """With start residual: evidence that a place has to show to belong to something in the way, in
-    colours in [0, 1]: its residual beyond the expected one, limited by what other photos leave
-    unexplained."""
+    """Where distractors start: spread over every view and refined by Splatfacto's rules, as in the
+    paper; or, visit by visit, where a photo shows what the other views do not, and only there."""
     strong_excess: float = ranged(0.15, "(0, inf)")
     """With start residual: evidence that something in the way has to show in one place at least,
-    once the scene is learned; before, more."""
+    once the scene is learned; before, more. It is the residual beyond the expected one, limited by
+    what other photos leave unexplained, of colours in [0, 1]."""
     static_alone: bool = False
     """Train the static scene by a photometric loss of its own, on the pixels that no distractor
     covers; the composite's loss then trains distractors only. The paper has one loss for both."""
     leak: float = ranged(0.0, "[0, 1]")
     """With static_alone: weight in L1, of the static scene's own loss, of a pixel that distractors
-    own, as long as the static set grows. Where most photos leave a place out nothing else moves it,
-    and Adam learns it at full speed: what most photos of a place show is not in the way. Where an
-    occluder hides what others show, they outvote it. The paper has one loss for both."""
+    own, as long as the static set grows: what most photos of a place show is then learned, although
+    they leave it out."""
     lambda_d: float = ranged(0.01, "[0, inf)")
     """Weight of the mean distractor opacity, Eq. 5. B.3."""
     lambda_s: float = ranged(0.01, "[0, inf)")
-    """Weight of the mean transparency of the static scene, Eq. 5. B.3. If there is a background,
-    before which the scene may be empty, it counts as 0 (B.3, Photo Tourism). With static_alone and
-    a background that all photos share, it counts in what distractors own, where no photo says that
-    the scene is empty."""
+    """Weight of the mean transparency of the static scene, Eq. 5. B.3. If there is a background it
+    counts as 0 (B.3, Photo Tourism); with static_alone and a background that all photos share, it
+    counts in what distractors own."""
     static_warmup: int | None = ranged(0, f"[0, {STOP_DENSIFY_AT}]")
     """Steps for which the static scene trains alone, without distractors; None for as many as the
-    number of photos asks for (`warmup_of`). At most half of a run of 30,000: after that distractors
-    are only pruned. The paper has none."""
+    number of photos asks for (`warmup_of`). The paper has none."""
     refine_visits: int = ranged(10, "[1, inf)")
-    """Visits of each view from one refinement of its distractors (cloning, splitting, pruning) to
-    the next. The authors' code has 10."""
+    """Visits of each view between two refinements of its distractors. The authors' code has 10."""
     initial_opacity: float = ranged(0.1, "(0, 1)")
     """Opacity of a distractor at its start. Splatfacto's value."""
 
@@ -107,8 +99,7 @@ class DistractorConfig:
         return NominalStep(self.static_warmup)
 
     def steps_between_refinements(self, num_views: int, scale: float = 1.0) -> int:
-        """Nominal steps, of which a step of the run makes 1 / `scale`, from one refinement to the
-        next. Call it on what `DeSplatModelConfig.for_run` gave."""
+        """Nominal steps from one refinement to the next, of what `for_run` gave."""
         every = self.refine_visits * num_views / scale
         if self.start == "residual":
             every = max(every, (STOP_DENSIFY_AT - self.warmup) / MOST_REFINEMENTS)

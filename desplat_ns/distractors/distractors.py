@@ -67,18 +67,14 @@ class Distractors(nn.Module):
         background: BackgroundGrade = "off",
         scale: float = 1.0,
     ):
-        """Start every view's distractors; say so where there are too few views to judge by.
+        """Start every view's distractors; say so where there are too few views to judge by. Raises
+        ConfigError where a setting lies outside its range.
 
         Args:
-            config: steps as they are in this run.
+            config: of this run.
             static: of the static scene; both sets share thresholds.
-            cameras: the training cameras, shape [V].
             points: of the reconstruction, if the scene starts from them.
-            background: what lies behind the scene.
             scale: steps of the run for each nominal one.
-
-        Raises:
-            ConfigError: where a setting lies outside its range.
         """
         super().__init__()
         check_ranges(config, "--pipeline.model.distractors")
@@ -89,7 +85,7 @@ class Distractors(nn.Module):
         """A sky, and a colour that the user chose, are part of the scene."""
         every = config.steps_between_refinements(len(cameras), scale)
         self.densifier = DistractorDensifier(config, static, every)
-        self.thresholds = Thresholds(config.weak_excess, config.strong_excess)
+        self.thresholds = Thresholds(strong=config.strong_excess)
         self.sweep = PlaneSweep(points, cameras)
         self.regions: dict[int, Bool[Tensor, "rows columns"]] = {}
         """Those of each view, as it was last looked at."""
@@ -139,7 +135,7 @@ class Distractors(nn.Module):
 
     def looks(self, step: Step) -> bool:
         """Whether the photo is compared with the static scene: in the warm-up, once after it, and
-        in every `LOOK_EVERY`th round of visits. nerfstudio draws each view once in a round."""
+        in every `LOOK_EVERY`th round of visits."""
         if self.config.start != "residual" or len(self.views) <= LEAST_VIEWS:
             return False
         is_due = step.run // len(self.views) % LOOK_EVERY == 0
@@ -182,8 +178,8 @@ class Distractors(nn.Module):
         )
 
     def remember(self, step: Step, state: dict[str, Any]) -> None:
-        """Take up what a step learned of the views, once the optimizers have stepped and before the
-        static set is refined, whose rows it belongs to. `state`: of that set's strategy."""
+        """Take up what a step learned of the views, before the static set is refined, whose rows it
+        belongs to. `state`: of that set's strategy."""
         if step.residual_medians is not None:
             state[RESIDUAL_MEDIANS] = step.residual_medians
         if step.sweep_photo is not None:

@@ -46,12 +46,7 @@ def distractor_weight(
     alpha_d: Float[Tensor, "H W 1"], in_region: Float[Tensor, "H W 1"] | None = None
 ) -> Float[Tensor, "H W 1"]:
     """How far a pixel is the distractors', in [0, 1]: the largest of their opacities around it, as
-    far as a cell of `grid_of`: an edge is half-transparent, and its leak would be learned.
-
-    Args:
-        in_region: 1 in pixels of a region, whose weight is 1 even if distractors cover nothing of
-            them; 0 in others.
-    """
+    far as a cell of `grid_of`, since edges are half-transparent; 1 where `in_region` is."""
     height, width = alpha_d.shape[:2]
     margin = round(width / grid_of(width, height)[0])
     weight = window_maxima(alpha_d[..., 0], 2 * margin + 1)[..., None]
@@ -76,12 +71,7 @@ def placement(
     config: DistractorConfig,
 ) -> tuple[Tensor, dict[str, Tensor]] | None:
     """Which of a view's distractors stay, as numbers of rows, and new ones; None for no change.
-
-    Args:
-        alpha_d: opacity of the distractors.
-        regions: where distractors belong, on the grid of `grid_of`.
-        means: of the view's distractors.
-    """
+    `regions`: where distractors belong, on the grid of `grid_of`."""
     stays = lie_in(regions, means, view)
     stays, uncovered = masks_to_host(stays, uncovered_cells(regions, alpha_d, config))
     if stays.all() and not uncovered.any():

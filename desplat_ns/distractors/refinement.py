@@ -17,7 +17,7 @@ from desplat_ns.core.schedule import SPLATFACTOS_INTERVAL, NominalStep
 from desplat_ns.distractors.config import CULL_ALPHA, DEPTH, STOP_DENSIFY_AT, DistractorConfig
 from desplat_ns.distractors.sets import ViewDistractors
 from desplat_ns.gaussians.activation import RawParameters
-from desplat_ns.gaussians.strategy import UNLIMITED, prune, refine, sample
+from desplat_ns.gaussians.strategy import UNLIMITED, refine, sample
 
 GROW_GRAD = 6.0
 """By pixels, distractors are cloned or split where a shift by one pixel changes the loss, summed
@@ -44,10 +44,7 @@ def strategy_info(rendering: Rendering, view: View) -> dict[str, Any]:
 class DistractorDensifier:
     """Clones, splits and prunes the distractors of one view at a time.
 
-    Every `every` steps refinement falls due for every view, and each has it when it is next seen,
-    as nothing new is known of it until then; of 40 views each one is refined once in its 10 visits
-    if `every` is 400. Adam's moments follow: rows that stay keep theirs, new rows start at zero.
-
+    Every `every` steps refinement falls due for every view, and each has it when it is next seen.
     With `start` everywhere it goes by Splatfacto's rules and steps; with `residual` by what a
     distractor makes up of the image.
     """
@@ -80,16 +77,14 @@ class DistractorDensifier:
         info: dict[str, Any],
         weights_of: Callable[[RawParameters], Float[Tensor, " N"]],
     ) -> None:
-        """Sample a step that drew `view`; refine its distractors if that is due. By pixels the
-        gradients are of the loss summed over all pixels, by a shift of one pixel: gsplat multiplies
-        by half the width and height, and the loss is a mean over width times height.
+        """Sample a step that drew `view`; refine its distractors if that is due, from
+        `STOP_DENSIFY_AT` on by pruning alone. By pixels the gradients are of the loss summed over
+        all pixels, by a shift of one pixel: gsplat multiplies by half the width and height, and the
+        loss is a mean over width times height.
 
         Args:
-            step: nothing happens before the warm-up, and nothing but pruning from
-                `STOP_DENSIFY_AT` on.
             info: of the rendering of this view's distractors in this step.
-            weights_of: gives what each makes up of the image, in pixels; called only where it
-                is needed.
+            weights_of: gives what each makes up of the image, in pixels.
         """
         if step <= self.start:
             return
@@ -109,6 +104,9 @@ class DistractorDensifier:
             if not bool(large.all()):
                 nothing = {name: value.data[:0] for name, value in view.params.items()}
                 view.exchange(large.nonzero()[:, 0], nothing)
-        change = refine if densifying else prune
         by_step = 0 if self.by_pixels else step
-        change(self.strategy, view.params, view.optimizers, view.state, by_step)
+        parts: Any = (view.params, view.optimizers, view.state, by_step)
+        if densifying:
+            refine(self.strategy, *parts)
+        else:
+            self.strategy._prune_gs(*parts)

@@ -69,12 +69,8 @@ class ViewDistractors:
 
     @torch.no_grad()
     def exchange(self, kept: Int[Tensor, " M"], new: Mapping[str, Tensor]) -> None:
-        """Remove the rows but for those in `kept`, and add `new` ones, whose moments are 0.
-
-        Args:
-            kept: numbers of rows, as a mask's number of rows would have to be waited for each time.
-            new: raw parameters by `PARAMETER_NAMES`; any number of rows.
-        """
+        """Remove the rows but for those in `kept`, and add `new` ones, whose moments are 0. By
+        numbers, as a mask's number of rows would have to be waited for each time."""
 
         def changed(old: Tensor, rows: Tensor | None = None) -> Tensor:
             rows = old.new_zeros(len(new["means"]), *old.shape[1:]) if rows is None else rows

@@ -52,8 +52,7 @@ class Scorer:
 
     @classmethod
     def of(cls, model: DeSplatModel, config: EvaluationConfig) -> "Scorer":
-        """The scorer that the options ask for. Raises ConfigError where halves are asked for, but
-        images have no embedding, or where steps or rate are out of range."""
+        """The scorer that the options ask for. Raises ConfigError where they cannot be met."""
         check_ranges(config, "-")
         has_light = model.effects.image_light
         if config.protocol == "half" and not has_light:
@@ -131,15 +130,8 @@ def evaluate(
     show: Show,
 ) -> dict[str, Any]:
     """Means and standard deviations (of two images or more), figures of each image, mask scores,
-    and texts that say what was measured.
-
-    Args:
-        names: of the split's photos; a batch's `image_idx` is a place in them.
-        masks: as in `score_masks`.
-
-    Raises CaptureError where there is no image, DeSplatError where a figure is not finite, and as
-    `Scorer.of`.
-    """
+    and texts that say what was measured. Raises CaptureError where there is no image, DeSplatError
+    where a figure is not finite, and as `Scorer.of`. `names`: by a batch's `image_idx`."""
     scorer = Scorer.of(model, config)
     model.lpips.use(config.lpips_net)
     if images:  # compilation and caches are no part of the time per image
@@ -228,11 +220,8 @@ def score_masks(
     `num_masks`; empty if there is none. Raises CaptureError where a mask cannot be read.
 
     `alpha_outside_masks` leaves out views that are covered wholly. Photos with lens distortion are
-    left out: training undistorts them, but not their masks.
-
-    Args:
-        draw: gives `alpha_distractor` and `distractor_mask` [H, W, 1] of a camera; no gradients.
-        masks: the camera of each view that has a mask, and the mask's file.
+    left out: training undistorts them, but not their masks. `draw` gives `alpha_distractor` and
+    `distractor_mask` [H, W, 1] of a camera.
     """
     masks = [(camera, path) for camera, path in masks if not is_distorted(camera)]
     if not masks:

@@ -23,9 +23,8 @@ from desplat_ns.photo_tourism.camera_response import fit_response, squared_radiu
 from desplat_ns.photo_tourism.image_effects import FEATURES
 
 FITTED_PIXELS = 100_000
-"""Pixels of which a photo's light is found: a few numbers need no more. Of a larger photo the
-closed form takes so many of the left half; Adam reduces photo and rendering by a whole factor, to
-about so many."""
+"""Pixels of which a photo's light is found: the closed form takes so many of the left half, and
+Adam reduces photo and rendering by a whole factor, to about so many."""
 
 
 def right_half(image: Shaped[Tensor, "H W C"]) -> Shaped[Tensor, "H right C"]:
@@ -45,11 +44,7 @@ def embedding_from_left_half(
     The model is in eval mode and stays bit-identical. Numbers of a camera's response are found in
     closed form; other embeddings by Adam from the average of the training images' on (B.3). The
     view keeps both halves, as EWA bounds and culls differently at another border (1e-3 of colour);
-    Gaussians that the left half does not need are not drawn.
-
-    Args:
-        photo: the whole photo; columns from W // 2 on are not looked at.
-        mask: of the whole photo; what it leaves out does not count, as in training.
+    Gaussians that the left half does not need are not drawn. What `mask` leaves out does not count.
     """
     view = view_of(camera)
     average = model.image_effects.mean()

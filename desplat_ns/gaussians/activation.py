@@ -33,11 +33,7 @@ def activate_static(params: RawParameters, sh_degree: int | None) -> Splats:
 
 
 def activate_distractors(params: RawParameters) -> Splats:
-    """Distractor Gaussians of one view; colours are RGB in [0, 1] (`keep_colors_in_range`).
-
-    Args:
-        params: means [N, 3], scales [N, 3] (log), quats [N, 4], rgbs [N, 3],
-            opacities [N, 1] (logit).
+    """Distractor Gaussians of one view: `params` as above, with rgbs [N, 3] in [0, 1] as colours.
 
     Source: App. A, "RGB Colour Representation for Distractor Gaussians".
     """

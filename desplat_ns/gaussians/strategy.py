@@ -44,8 +44,8 @@ def sample(
     info: dict[str, Any],
 ) -> None:
     """Add the gradients of a visit to the statistics in `state`, by which `refine` judges: gsplat's
-    `_update_state` for a single camera, but for rounding and for the host, which would have to wait
-    for the number of rows three times. `info`: of the rendering, as gsplat's strategies read it."""
+    `_update_state` for a single camera, which does not let the host wait for numbers of rows.
+    `info`: of the rendering, as gsplat's strategies read it."""
     means2d, radii = info[strategy.key_for_gradient], info["radii"][0]
     gradients = (means2d.absgrad if strategy.absgrad else means2d.grad)[0].clone()
     gradients[:, 0] *= info["width"] / 2.0 * info["n_cameras"]
@@ -71,21 +71,10 @@ def refine(
 ) -> None:
     """Clone, split and prune by the statistics in `state`, which are then set to zero."""
     strategy._grow_gs(params, optimizers, state, step)  # pyright: ignore[reportArgumentType]
-    prune(strategy, params, optimizers, state, step)
+    strategy._prune_gs(params, optimizers, state, step)  # pyright: ignore[reportArgumentType]
     for name in ("grad2d", "count", "radii"):
         if state.get(name) is not None:
             state[name].zero_()
-
-
-def prune(
-    strategy: DefaultStrategy,
-    params: RawParameters,
-    optimizers: Mapping[str, Any],
-    state: dict[str, Any],
-    step: int,
-) -> None:
-    """Remove faint Gaussians, and those that are too wide once `step` is beyond the first reset."""
-    strategy._prune_gs(params, optimizers, state, step)  # pyright: ignore[reportArgumentType]
 
 
 @torch.no_grad()
@@ -103,12 +92,13 @@ def long_axis_split(
     longest, axis = scales.max(dim=-1, keepdim=True)
     along = F.one_hot(axis.squeeze(-1), 3).to(scales)
     turned = normalized_quat_to_rotmat(F.normalize(params["quats"][chosen], dim=-1))
-    offset = (1 - HALF_LENGTH**2) ** 0.5 * longest * (turned @ along[..., None]).squeeze(-1)
-    opacity = torch.sigmoid(params["opacities"][chosen]) / (2 * HALF_LENGTH)
+    offset = (1 - HALF_LENGTH**2) ** 0.5 * longest * (turned * along[:, None]).sum(dim=-1)
+    # the logit of sigmoid(x) / (2 HALF_LENGTH) is -log of this; see `activation.sigmoid` for why
+    odds_against = 2 * HALF_LENGTH * (1 + torch.exp(-params["opacities"][chosen])) - 1
     changed = {
         "means": params["means"][chosen] + torch.stack([offset, -offset]),
         "scales": (scales * (1 + (HALF_LENGTH - 1) * along)).log().expand(2, -1, -1),
-        "opacities": torch.logit(opacity).expand(2, -1, -1),
+        "opacities": -odds_against.log().expand(2, -1, -1),
     }
 
     def with_halves(name: str, value: Tensor) -> Tensor:
@@ -153,18 +143,12 @@ class StaticStrategy(DefaultStrategy):
         info: dict[str, Any],
         packed: bool = False,
     ) -> None:
-        """After an optimizer step: add it to the sample, refine if that is complete, reset if due.
-
-        Args:
-            params: raw parameters of the set.
-            optimizers: by the same names.
-            state: what is gathered; replaced rows follow.
-            info: of the rendering, as gsplat's strategies read it.
-        """
+        """After an optimizer step: add it to the sample, refine if that is complete, reset if due;
+        rows of `optimizers` and `state` follow."""
         if step >= self.refine_stop_iter:
             state[self.SAMPLED] = state.get(self.SAMPLED, 0) + 1
             if self.cull_to_the_end and state[self.SAMPLED] >= self.refine_every:
-                prune(self, params, optimizers, state, step)
+                self._prune_gs(params, optimizers, state, step)
                 state[self.SAMPLED] = 0
             return
         recovering = step >= self.reset_every and (

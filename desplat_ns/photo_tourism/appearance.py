@@ -29,8 +29,8 @@ HIDDEN_LAYERS, HIDDEN_WIDTH = 2, 128
 """Of the MLP, and units in each (B.3)."""
 
 ROWS_AT_ONCE = {"cpu": 2048, "cuda": 65536}
-"""Gaussians that pass through the network together: layers of 128 units that stay in a core's cache
-(1,536 to 3,072 take the same time), or a small part of a GPU's memory."""
+"""Gaussians that pass through the network together: their layers stay in a core's cache, or take a
+small part of a GPU's memory."""
 
 CENTRAL_QUANTILE = 0.97
 """Share of the points that set the scale of Fourier features: a few far ones do not count."""
@@ -191,9 +191,8 @@ class AffineAppearance(_Appearance):
 class ShAppearance(_Appearance):
     """What an image adds to each Gaussian's SH coefficients.
 
-    Source: Splatfacto-W, Sec. 3, whose MLP predicts the coefficients from embedding and features.
-    Here the Gaussian's own coefficients stay as what all images have in common, so that training
-    starts at the points' colours.
+    Source: Splatfacto-W, Sec. 3, whose MLP predicts the coefficients themselves; adding to the
+    Gaussian's own lets training start at the points' colours.
     """
 
     def __init__(self, config: AppearanceConfig, sh_degree: int):

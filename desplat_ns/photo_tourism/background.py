@@ -23,8 +23,7 @@ BACKGROUND_DEGREE_INTERVAL = 500
 NODES = 96
 """Rays along each side of a picture along which the harmonics are evaluated; in between, colours
 are interpolated. A harmonic of degree l then errs by a^2 l (l + 1) / 8 of its size along each side,
-a being the angle from ray to ray: at degree 4 and 90 degrees of view by 0.001 in the middle, less
-beside it. A picture of fewer pixels has a ray for each."""
+a being the angle from ray to ray: at degree 4 and 90 degrees of view by 0.001 at most."""
 
 
 def rays(

@@ -78,21 +78,14 @@ def fit_response(
     radius2: Float[Tensor, "P 1"],
     mean: Float[Tensor, " 5"],
 ) -> Float[Tensor, " 5"]:
-    """The numbers with which the scene's colours come closest to a photo's.
+    """The numbers with which the scene's colours (>= 0) come closest to a photo's (in [0, 1]); what
+    the pixels do not tell stays at the `mean` of the capture's photos.
 
     Gauss-Newton from the mean on the Geman-McClure loss of the differences. Its scale shrinks from
     step to step, from ten times `OUTLIER`, for large changes of exposure, and once more from
     `OUTLIER` itself, for something large in front; the better end counts. Pixels in which the photo
     is at the end of its range are left out. The prior `PRIOR_STD` weighs by the differences'
     variance: what a scene has not learned is no light of the photo.
-
-    Args:
-        rgb: the scene's colours, >= 0.
-        photo: in [0, 1].
-        mean: of the capture's photos.
-
-    Returns:
-        Numbers of `camera_response`; what the pixels do not tell stays at the mean.
     """
     rgb, photo, radius2, mean = (part.double() for part in (rgb, photo, radius2, mean))
     in_range = ((photo > FLOOR) & (photo < 1 - FLOOR)).all(dim=-1)

@@ -42,9 +42,9 @@ class ImageEffects(nn.Module):
     """What an image's embedding changes: the static colours, the finished picture, the background.
 
     The embedding [E] of an image is all that is known of its light: the numbers of its camera's
-    response, then what the networks of appearance and background read, as far as these are on.
-    Both are dense parameters with a row for each training image, which Adam's momentum moves on
-    after the step that saw the image; B.3's rate is made for it.
+    response, then what the networks of appearance and background read, as far as these are on. Both
+    are dense parameters, which Adam's momentum moves on after the step that saw the image; B.3's
+    rate is made for it.
     """
 
     def __init__(
@@ -88,8 +88,8 @@ class ImageEffects(nn.Module):
     def apply_appearance(
         self, splats: Splats, features: Float[Tensor, "N Z"], embedding: Float[Tensor, " E"]
     ) -> Splats:
-        """All static Gaussians, of the features z_i, in the colours of the image that `embedding`
-        describes, for a file; for a picture `appearance.in_view` is quicker."""
+        """All static Gaussians in the colours of the image that `embedding` describes, for a file;
+        for a picture `appearance.in_view` is quicker."""
         if self.appearance is None:
             return splats
         splats = as_harmonics(splats)
@@ -110,8 +110,8 @@ class ImageEffects(nn.Module):
     def background_of(
         self, embedding: Float[Tensor, " E"], view: View, degree: int
     ) -> Float[Tensor, "H W 3"] | Float[Tensor, " 3"]:
-        """The background, where there is one, of the image that `embedding` describes, seen from
-        `view`; [3] in training if it has one colour. `degree` is cut to that of the background."""
+        """The background of the image that `embedding` describes, seen from `view`; [3] in training
+        if it has one colour. `degree` is cut to that of the background."""
         assert self.background is not None
         if isinstance(self.background, Background):
             assert self.embeddings is not None

@@ -1,12 +1,10 @@
 """Which training photo's light is shown outside of training: in the viewer, in ns-render, and in
 what ns-export writes."""
 
-import math
 import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
-import torch
 from jaxtyping import Float
 from nerfstudio.viewer.viewer_elements import ViewerDropdown
 from torch import Tensor
@@ -17,40 +15,23 @@ from desplat_ns.photo_tourism.image_effects import ImageEffects
 from desplat_ns.viewer import ViewerControl
 
 VARIABLE = "DESPLAT_NS_APPEARANCE"
-"""Environment variable: `photo.jpg`, or `photo.jpg:0.7,other.jpg:0.3` for a mix of two. (Commands
-of nerfstudio's leave no other way to say it.)"""
+"""Environment variable that holds an image's name: nerfstudio's commands leave no other way."""
 
 OWN = "none chosen"
 """What the viewer's choice shows at the start: `VARIABLE`'s image, its own, or the average."""
 
 
-def mixed_light(
-    text: str, names: Sequence[str], lights: ImageEffects, given_by: str = VARIABLE
+def light_of(
+    name: str, names: Sequence[str], lights: ImageEffects, given_by: str = VARIABLE
 ) -> Float[Tensor, " E"]:
-    """The embedding of a text such as `VARIABLE` holds: of a training image, or a mix of some.
-    Raises ConfigError, which says what the text was `given_by`, of an image that is not a training
-    image, or shares that make no mix."""
-    parts: list[tuple[int, float]] = []
-    for part in filter(None, text.split(",")):
-        name, share = part.strip(), "1"
-        if name not in names and ":" in name:
-            name, _, share = name.rpartition(":")
-        if name not in names:
-            raise ConfigError(
-                f"{given_by} names '{name}', which is no training image. It takes one of "
-                f"{len(names)}: {list_names(names, 5)}."
-            )
-        try:
-            parts.append((names.index(name), float(share)))
-        except ValueError:
-            parts.append((names.index(name), math.nan))
-    total = sum(share for _, share in parts)
-    if not 0 < total < math.inf or any(share < 0 for _, share in parts):
+    """The embedding of a training image. Raises ConfigError, which says what the name was
+    `given_by`, where there is no such image."""
+    if name not in names:
         raise ConfigError(
-            f"{given_by} is '{text}': the shares of its photos have to be numbers, not negative or "
-            f"infinite, nor all zero. Write for example {names[0]}:0.5."
+            f"{given_by} names '{name}', which is no training image. It takes one of "
+            f"{len(names)}: {list_names(names, 5)}."
         )
-    return torch.stack([share / total * lights.of(index) for index, share in parts]).sum(dim=0)
+    return lights.of(names.index(name))
 
 
 class ShownLight(ViewerControl):
@@ -81,6 +62,6 @@ class ShownLight(ViewerControl):
         if self.names and not self._suspended:
             if self.choice.value != OWN:
                 return lights.of(self.names.index(self.choice.value))
-            if text := os.environ.get(VARIABLE):
-                return mixed_light(text, self.names, lights)
+            if name := os.environ.get(VARIABLE):
+                return light_of(name, self.names, lights)
         return lights.mean() if image is None else lights.of(image)

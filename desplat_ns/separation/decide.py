@@ -94,7 +94,7 @@ def decide(
 
     A region is made of connected cells with an evidence (`evidence_of`) above `by.weak`, one of
     them with more than `by.peak_levels` * level, `by.most_peak` at most, and more than `by.strong`.
-    Cells of which nobody knows may belong to a region, and make none. Nothing is remembered.
+    Cells of which nobody knows may belong to a region, and make none.
 
     Args:
         unexplained: gives that of the photo, by `PlaneSweep.unexplained`, on any grid; None where
@@ -177,10 +177,6 @@ def own_sky(
 
     A background of each photo's own stands behind the scene there, so a photo that differs need not
     have anything in front. What has detail, if only at its edges, is judged as elsewhere.
-
-    Args:
-        photo: in [0, 1].
-        alpha_s: opacity of the static scene.
     """
     height, width = photo.shape[:2]
     grid, fine = grid_of(width, height), fine_grid_of(width, height)
@@ -221,14 +217,11 @@ def shared_detail(
     photo: Float[Tensor, "3 fine_rows fine_columns"],
     by: Thresholds = Thresholds(),
 ) -> Float[Tensor, "fine_rows fine_columns"]:
-    """Correlation of the grey of both in the surroundings of each cell, in [-1, 1].
+    """Correlation of the grey of both in the surroundings of each cell, in [-1, 1]; colours are in
+    [0, 1], in cells of `fine_grid_of`.
 
     Flare, exposure and shade change the colours of a place and leave its detail; something in front
     of it has detail of its own, or none. Both are smoothed, as the scene may not be sharp yet.
-
-    Args:
-        static: the static scene in cells of `fine_grid_of`, colours in [0, 1].
-        photo: the photo in the same.
 
     Source: normalised cross-correlation, with a floor that stands for noise.
     """
@@ -283,13 +276,9 @@ def along_edges(
 
     Residuals are averaged over some cells, so a region found in them ends some cells beyond the
     thing that it is for. Around each cell the regions are fitted by a linear function of the
-    colours; where the mean of all fits is above a half is inside.
+    photo's colours, in [0, 1]; where the mean of all fits is above a half is inside.
 
-    Args:
-        colors: of the photo in cells, in [0, 1].
-
-    Source: guided filter of He, Sun and Tang 2010 (Eq. 14 to 16, with a colour guide), of the
-    regions by the photo.
+    Source: guided filter of He, Sun and Tang 2010 (Eq. 14 to 16, with a colour guide).
     """
     colors = colors.double()  # grey surroundings make the systems below nearly singular
     inside = regions.to(colors)

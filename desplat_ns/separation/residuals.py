@@ -46,14 +46,10 @@ def local_residual(
     photo: Float[Tensor, "3 fine_rows fine_columns"],
     grid: tuple[int, int],
 ) -> Float[Tensor, "rows columns"]:
-    """Largest difference of the three colours, averaged around each cell of `grid`.
+    """Largest difference of the three colours, in [0, 1], averaged around each cell of `grid`.
 
     The difference is averaged before its absolute value is taken: what is only not sharp yet
-    cancels out. What is another thing differs in one colour more than in the others.
-
-    Args:
-        static: the static scene in cells of `fine_grid_of`, colours in [0, 1].
-        photo: the photo in the same.
+    cancels out.
     """
     difference = window_means(static - photo, SMOOTHING).abs().amax(0)
     cells = pooled(difference[..., None], grid)
@@ -126,10 +122,7 @@ def cells_of(
     means2d: Tensor, visible: Tensor, shape: torch.Size, counted: Tensor | None
 ) -> tuple[Bool[Tensor, " N"], Int[Tensor, " N"]]:
     """Which Gaussians have their centre in the image and not in a masked cell, and their cells as
-    flat indices.
-
-    All others are in one cell more, behind the last.
-    """
+    flat indices; all others are in one cell more, behind the last."""
     rows, columns = shape
     x, y = means2d.floor().unbind(-1)
     inside = visible & (x.clamp(0, columns - 1) == x) & (y.clamp(0, rows - 1) == y)
@@ -143,8 +136,7 @@ def cells_of(
 def _mean_by_cell(
     values: Float[Tensor, " N"], weights: Tensor, cell: Tensor, shape: torch.Size
 ) -> tuple[Float[Tensor, "rows columns"], Float[Tensor, "rows columns"]]:
-    """Weighted mean of the values around each cell, 0 where nothing has weight; and the weights per
-    cell."""
+    """Weighted mean of the values around each cell, 0 where nothing has weight; and the weights."""
     rows = torch.stack([weights * values, weights])
     sums = rows.new_zeros(2, shape[0] * shape[1] + 1).index_add_(1, cell, rows)
     total, weight = window_means(sums[:, :-1].reshape(2, *shape), EXPECTED_WINDOW)

@@ -7,7 +7,6 @@ knows. Letters in shapes: V views, P points.
 """
 
 import threading
-import time
 import weakref
 from collections.abc import Sequence
 from contextlib import suppress
@@ -26,7 +25,6 @@ from desplat_ns.backend.protocol import View
 from desplat_ns.cameras.near_plane import sampled
 from desplat_ns.cameras.view_pairs import homographies, lower_median, views_beside
 from desplat_ns.cameras.views import image_points, in_image, views_of
-from desplat_ns.core.console import about, announce
 from desplat_ns.core.devices import to_device
 from desplat_ns.separation.grid import fine_grid_of, pooled
 
@@ -65,10 +63,6 @@ DARKEST = 8
 MOST = 254
 """Of 255, how much colours differ at the most: 255 is left for what a photo does not show."""
 
-QUIET = 5.0
-"""Seconds of sweeping, in all, after which a line says how long it takes."""
-
-
 CPU = torch.device("cpu")
 
 
@@ -91,10 +85,9 @@ def unexplained(
     """By how much each cell of a photo differs from what two others show, at the depth where they
     come nearest to it, colours in [0, 1]; and that depth, inverse.
 
-    The difference is NaN where nobody knows: where fewer than two others look at `LOOKED_AT` of the
-    depths, those before the nearest point (`NEAREST`) not counted; and where the photo itself does
-    not show all of the window. The second-best other counts, since the best one may show the same
-    thing in the way.
+    The difference is NaN where fewer than two others look at `LOOKED_AT` of the depths, those
+    before the nearest point (`NEAREST`) not counted, and where the photo itself does not show all
+    of the window. The second-best other counts: the best one may show the same thing in the way.
 
     Args:
         others: in the exposure of the photo.
@@ -209,7 +202,6 @@ class PlaneSweep:
         self._worker: threading.Thread | None = None
         self._tried = set[int]()
         """Photos that the thread has swept, or met an error in."""
-        self._seconds = 0.0
         points = torch.empty(0, 3) if points is None else points
         self._points = sampled(points, MAX_POINTS).cpu()
 
@@ -229,19 +221,14 @@ class PlaneSweep:
         self, index: int, device: torch.device = CPU
     ) -> Float[Tensor, "rows columns"] | None:
         """The larger of `unexplained` and `disputed` of a kept photo, on the device; None where
-        nobody can be asked. If another thread is at it this one waits, and nowhere else."""
+        nobody can be asked. If another thread is at it this one waits."""
         if index not in self.photos:
             return None
         self._work_ahead(device)
         with self._locks[index]:
             if index not in self._unexplained:
-                before, started = self._seconds, time.monotonic()
                 found = self._sweep(index)
                 self._unexplained[index] = None if found is None else to_device(found, device)
-                self._seconds += time.monotonic() - started
-                if before <= QUIET < self._seconds:
-                    photos, each = len(self.photos), self._seconds / len(self._unexplained)
-                    announce(f"Plane sweep of {photos} photos: {about(photos * each)}, once a run.")
             return self._unexplained[index]
 
     def state(self) -> dict[int, Tensor]:
@@ -255,8 +242,7 @@ class PlaneSweep:
         self._tried, self._worker = set(), None
 
     def _work_ahead(self, device: torch.device) -> None:
-        """Start the thread, if all photos are there. On a CPU it would take the cores of the steps,
-        and sweep photos in which nobody looks for regions."""
+        """Start the thread, if all photos are there; on a CPU it would take the steps' cores."""
         is_complete = len(self.photos) == len(self._cameras)
         if device.type != "cpu" and is_complete and self._worker is None:
             self._worker = threading.Thread(target=_sweep_all, args=(weakref.ref(self), device))

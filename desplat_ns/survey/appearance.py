@@ -9,7 +9,8 @@ from collections.abc import Iterator
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from desplat_ns.survey.findings import Confidence, Figure, Finding, confidence_of
+from desplat_ns.cameras.view_pairs import views_beside
+from desplat_ns.survey.findings import Finding, confidence_of
 from desplat_ns.survey.observations import Observations
 from desplat_ns.survey.photo_light import FEWEST, PhotoLight, from_middle, robust_spread
 
@@ -28,9 +29,8 @@ LEAST_EXPLAINED = 0.3
 """Share of the variance between photos that their lights must explain to be believed."""
 FEW_NEAR = 3
 """Other observations near a place without which it says nothing."""
-NEAR_ANGLE, NEAR_DISTANCE = 30.0, 2.0
-"""Degrees between two directions to a point, and the ratio of two distances from it, up to which
-its surroundings look much alike."""
+NEAR_ANGLE = 30.0
+"""Degrees between the directions of two photos up to which a point looks much alike in both."""
 NEIGHBOURS, FEWEST_NEIGHBOURS = 3, 2
 """Photos with which a point is compared, the nearest in direction, and how many there must be."""
 COLOR_STEP = 0.12
@@ -44,8 +44,7 @@ FLAT = 0.012
 
 
 def change_of_photos(light: PhotoLight) -> Float[np.ndarray, " K"]:
-    """How much the light of each photo with `FEWEST` observations changes what it shows: RMS of the
-    values' relative change."""
+    """RMS of the values' relative change by the light of each photo with `FEWEST` observations."""
     counts = np.bincount(light.photo)
     squares = (light.weight * np.expm1(light.change) ** 2).sum(axis=1)
     sums = (np.bincount(light.photo, each) for each in (squares, light.weight.sum(axis=1)))
@@ -58,13 +57,9 @@ def local_steps(
 ) -> Float[np.ndarray, "V P"]:
     """What a photo's light leaves at each point and near it, in log; the lesser of both.
 
-    0 where they contradict each other, NaN where too little is near or the point does not count.
-    The residual is the channels' median; it is enlarged by what the point's colour took of it: n
-    photos leave (n - 1) / n.
-
-    Args:
-        is_confirmed: where a photo and a neighbour show the same of the point. Elsewhere something
-            may be in the way, which is no light: NaN.
+    0 where they contradict each other, NaN where too little is near or it is not `confirmed`. The
+    residual is the channels' median; it is enlarged by what the point's colour took of it: n photos
+    leave (n - 1) / n.
     """
     photos = np.bincount(light.point, minlength=len(observations.xyz))[light.point]
     own = np.median(light.residual, axis=1) * photos / np.maximum(photos - 1, 1)
@@ -82,8 +77,8 @@ def local_steps(
 
 def share_by_direction(observations: Observations, steps: Float[np.ndarray, "V P"]) -> float:
     """How much of the large steps the neighbours show, too, in [0, 1]: about 1 where colours follow
-    the direction, as gloss does, and 0 where each photo has its own light, or no place has
-    neighbours. Least squares of their mean steps on a photo's own."""
+    the direction, as gloss does, and 0 where each photo has its own light. Least squares of their
+    mean steps on a photo's own."""
     product = square = 0.0
     for row, others in enumerate(neighbours(observations, np.isfinite(steps))):
         theirs = np.where(others >= 0, np.take_along_axis(steps, np.maximum(others, 0), axis=0), 0)
@@ -98,62 +93,48 @@ def share_by_direction(observations: Observations, steps: Float[np.ndarray, "V P
 def appearance_finding(
     observations: Observations, light: PhotoLight, steps: Float[np.ndarray, "V P"]
 ) -> Finding:
-    """Decide how photos' light is to be explained; `steps` are those of `local_steps`."""
+    """Decide how photos' light is to be explained; `steps` are those of `local_steps`.
+
+    Figures: `change` of values by a photo's own light, of the median photo; `explained`, the share
+    of the variance between photos that their light explains; `local`, the share of places that are
+    off by more than `LOCAL_STEP` together with what is near, less what photos from nearly the same
+    direction show, too.
+    """
     known = change_of_photos(light)
-    middle, top = np.quantile(known, [0.5, 0.9]).tolist() if len(known) else (np.nan, np.nan)
-    what = "change of values by a photo's own light, median photo"
-    median = Figure("change", middle, what, EIGHTH_STOP)
-    largest = Figure("largest_changes", top, "the same, exceeded by a tenth of the photos")
+    change, top = np.quantile(known, [0.5, 0.9]).tolist() if len(known) else (np.nan, np.nan)
     before, after = robust_spread(light.residual_before), robust_spread(light.residual)
-    share = 1 - (after / before) ** 2 if before > 0 else np.nan
-    what = "share of the variance between photos that their light explains"
-    explained = Figure("explained", share, what)
+    explained = 1 - (after / before) ** 2 if before > 0 else np.nan
     is_off = np.abs(steps[np.isfinite(steps)]) > LOCAL_STEP
     places = float(is_off.mean()) if is_off.size else np.nan
-    own = places * (1 - share_by_direction(observations, steps))
-    what = f"share of places off by more than {LOCAL_STEP:.0%} together with what is near"
-    less = f"{what}, less what photos from nearly the same direction show, too"
-    local = Figure("local", own, less, LOCAL_SHARE)
-    figures = (median, largest, local, explained, Figure("places", places, what))
+    local = places * (1 - share_by_direction(observations, steps))
+    figures = {"change": change, "explained": explained, "local": local}
+    decision, sure = "off", confidence_of((change, EIGHTH_STOP), (local, LOCAL_SHARE))
+    as_a_whole = (
+        f"half of the photos are off by {change:.1%} or more as a whole "
+        f"(above {EIGHTH_STOP:.0%} it counts)"
+    )
+    reason = f"Photos show the same colours: {as_a_whole}."
     if len(known) < 2:
+        sure = "none"
         reason = "Fewer than two photos show enough common points to compare their colours."
-        return Finding("appearance", "off", "none", reason, figures)
-    decision, sure, reason = _decided(median, largest, local, explained)
-    return Finding("appearance", decision, sure, reason, figures)
-
-
-def _decided(
-    median: Figure, top: Figure, local: Figure, explained: Figure
-) -> tuple[str, Confidence, str]:
-    """What the figures call for, how sure that is, and why."""
-    sure = confidence_of([median, local])
-    as_a_whole = f"half of the photos are off by {median.value:.1%} or more as a whole"
-    if local.is_above and median.is_above:
+    elif local > LOCAL_SHARE and change > EIGHTH_STOP:
+        decision = "affine"
         reason = (
-            f"Light changes from place to place: {local.value:.1%} of the places are lighter or "
+            f"Light changes from place to place: {local:.1%} of the places are lighter or "
             f"darker in one photo alone (above {LOCAL_SHARE:.1%} it counts)."
         )
-        return "affine", sure, reason
-    if median.is_above and explained.value > LEAST_EXPLAINED:
+    elif change > EIGHTH_STOP and explained > LEAST_EXPLAINED:
+        decision = "camera"
         reason = (
-            f"Photos differ in exposure, white balance, contrast or dark corners: {as_a_whole} "
-            f"(above {EIGHTH_STOP:.0%} it counts)."
+            f"Photos differ in exposure, white balance, contrast or dark corners: {as_a_whole}."
         )
-        return "camera", sure, reason
-    if top.value > HALF_STOP:
+    elif top > HALF_STOP:
+        sure = "close"
         reason = (
-            f"Most photos show the same colours; a tenth are off by {top.value:.0%} or more, which "
+            f"Most photos show the same colours; a tenth are off by {top:.0%} or more, which "
             "`camera` would explain."
         )
-        return "off", "close", reason
-    if local.is_above:
-        reason = (
-            f"Places differ ({local.value:.1%}), but photos as a whole by {median.value:.1%} only: "
-            "gloss, or detail finer than a pixel."
-        )
-        return "off", confidence_of([median]), reason
-    reason = f"Photos show the same colours: {as_a_whole} (above {EIGHTH_STOP:.0%} it counts)."
-    return "off", sure, reason
+    return Finding("appearance", decision, sure, reason, figures)
 
 
 # --- neighbours at a point ------------------------------------------------------------------------
@@ -162,23 +143,16 @@ def _decided(
 def neighbours(
     observations: Observations, has_point: Bool[np.ndarray, "V P"]
 ) -> Iterator[Int[np.ndarray, "_ P"]]:
-    """For each photo at most `NEIGHBOURS` that found each point (`has_point`), from the directions
-    nearest to its own; -1 where there are not so many."""
-    positions = np.array([view.position for view in observations.views])
-    toward = observations.xyz[None] - positions[:, None]
-    distance = np.maximum(np.linalg.norm(toward, axis=-1), 1e-12)
-    toward = (toward / distance[..., None]).astype(np.float32)
-    distance = distance.astype(np.float32)
-    for row in range(len(toward)):
-        cosine = np.einsum("vpk,pk->vp", toward, toward[row])
-        ratio = distance / distance[row]
-        fits = has_point & (cosine > np.cos(np.radians(NEAR_ANGLE)))
-        fits &= (ratio < NEAR_DISTANCE) & (ratio > 1 / NEAR_DISTANCE)
-        fits[row] = False
-        rank = np.where(fits, -cosine, 2.0)
-        count = min(NEIGHBOURS, len(rank))
-        nearest = np.argpartition(rank, count - 1, axis=0)[:count]
-        yield np.where(np.take_along_axis(fits, nearest, axis=0), nearest, -1)
+    """For each photo at most `NEIGHBOURS` that found each point (`has_point`), those with the
+    directions nearest to its own; -1 where there are not so many."""
+    centers = np.array([view.position for view in observations.views])
+    numbers = np.arange(len(centers))
+    for row in range(len(centers)):
+        degrees, _, others = views_beside(row, numbers, has_point, observations.xyz, centers)
+        near = others[degrees < NEAR_ANGLE]
+        have = has_point[near]
+        first = np.argsort(~have, axis=0, kind="stable")[:NEIGHBOURS]
+        yield np.where(np.take_along_axis(have, first, axis=0), near[first], -1)
 
 
 def are_alike(
@@ -212,7 +186,7 @@ def confirmed(observations: Observations, light: PhotoLight) -> Bool[np.ndarray,
 
 def matched_points(observations: Observations) -> Bool[np.ndarray, "V P"]:
     """Which photos show a point as at least `FEWEST_NEIGHBOURS` of the nearest do that have it in
-    view, for captures without tracks: one may have something before it, or look at its back."""
+    view: what stands for tracks where there are none."""
     shown, patches = observations.is_shown, observations.structures
     matched = np.zeros_like(shown)
     for row, others in enumerate(neighbours(observations, shown)):

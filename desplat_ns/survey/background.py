@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from desplat_ns.survey.findings import Confidence, Figure, Finding, confidence_of
+from desplat_ns.survey.findings import Finding, confidence_of
 from desplat_ns.survey.observations import Observations, View
 from desplat_ns.survey.photo_light import FEWEST, LOWEST, PhotoLight, from_middle
 
@@ -30,17 +30,15 @@ LEAST_RISE = float(np.sin(np.radians(6.0)))
 STEEP = 0.3
 """Length of the vertical in the image plane below which a photo looks up or down too steeply."""
 VISIBLE_SHARE = 0.04
-"""Of the photos' area, in the mean. Less is not worth a part of the model: Gaussians at the edge of
-the scene take it."""
+"""Of the photos' area, in the mean. Gaussians at the edge of the scene can take less."""
 RANGE = 0.022
 """Of the range of values, between directions: six of 255 levels, which one sees on a smooth sky."""
 BY_PHOTO = 0.06
-"""Of the range of values: what a quarter of the photos' skies exceed in their RMS difference from
-what all photos show in the same direction. A few photos may have something before their sky. Photos
-also have to differ by more than directions do: until then a sky that all share explains most."""
+"""Of the range of values, as `spread_by_photo`. Photos also have to differ by more than directions
+do: until then a sky that all share explains most."""
 CHROMA_BY_PHOTO = 0.055
-"""The same in log of a channel over the mean of the channels, where light changes place by place:
-the light of a photo as a whole, so the brightness of its sky, is not known then."""
+"""The same in log of a channel over the mean of the channels, where light changes place by place
+and so the brightness of a photo's sky is not known."""
 TURN, RISE = 8.0, 3.0
 """Degrees of azimuth and elevation that count as the same direction."""
 FEWEST_PHOTOS, FEWEST_CELLS = 3, 4
@@ -70,15 +68,13 @@ def vertical(views: list[View]) -> Float[np.ndarray, "3"]:
 
 
 def skies_of(observations: Observations) -> dict[int, Sky]:
-    """The sky of every photo that shows anything of the scene; others say nothing of what is
-    behind it."""
+    """The sky of every photo that shows anything of the scene."""
     up = vertical(observations.views)
     known = np.flatnonzero(observations.is_shown.sum(axis=1) >= FEWEST)
     return {int(row): _find_sky(observations, int(row), up) for row in known}
 
 
 def _find_sky(observations: Observations, row: int, up: Float[np.ndarray, "3"]) -> Sky:
-    """The sky of photo `row`; `up` as from `vertical`."""
     view, photo = observations.views[row], observations.photos[row]
     rows, columns = view.grid
 
@@ -184,59 +180,49 @@ def background_finding(
     observations: Observations, light: PhotoLight, skies: dict[int, Sky], light_is_local: bool
 ) -> Finding:
     """Decide what lies behind the scene; where light changes place by place, by
-    `CHROMA_BY_PHOTO`."""
+    `CHROMA_BY_PHOTO`.
+
+    Figures: `empty`, the mean share of the photos' area that is sky; `by_photo`, as of
+    `spread_by_photo`; `by_direction`, as of `range_by_direction`.
+    """
     shares = [sky.cells.mean() for sky in skies.values()]
-    share = Figure(
-        "empty",
-        float(np.mean(shares)) if shares else np.nan,
-        "share of the photos' area, smooth and high up, with no point behind or above it",
-        VISIBLE_SHARE,
-    )
-    reason = f"Fewer than {FEWEST_POINTS} points say where the scene is."
-    if len(observations.all_xyz) >= FEWEST_POINTS:
-        reason = "" if shares else f"No photo shows {FEWEST} of the points."
-    if reason:
-        return Finding("background", "off", "none", reason, (share,))
+    empty = float(np.mean(shares)) if shares else np.nan
+    figures = {"empty": empty}
+    if len(observations.all_xyz) < FEWEST_POINTS:
+        reason = f"Fewer than {FEWEST_POINTS} points say where the scene is."
+        return Finding("background", "off", "none", reason, figures)
+    if not shares:
+        reason = f"No photo shows {FEWEST} of the points."
+        return Finding("background", "off", "none", reason, figures)
     cells = sky_colors(observations, light, skies)
     logs = np.log(np.maximum(cells.colors, LOWEST))
     chroma = logs - logs.mean(axis=1, keepdims=True)
     values, limit = (chroma, CHROMA_BY_PHOTO) if light_is_local else (cells.colors, BY_PHOTO)
-    what = "tints" if light_is_local else "colours"
-    by_photo = Figure(
-        "by_photo",
-        spread_by_photo(cells, values),
-        f"difference of photos' sky {what} without their light, exceeded by a quarter of them",
-        np.fmax(limit, range_by_direction(cells, values)).item(),
-    )
-    by_direction = Figure(
-        "by_direction",
-        range_by_direction(cells, cells.colors),
-        "range of the sky's values between directions in one photo",
-        RANGE,
-    )
-    decision, sure, reason = _decided(share, by_photo, by_direction)
-    return Finding("background", decision, sure, reason, (share, by_photo, by_direction))
-
-
-def _decided(share: Figure, by_photo: Figure, by_direction: Figure) -> tuple[str, Confidence, str]:
-    """What the figures call for, how sure that is, and why."""
-    if not share.is_above:
-        reason = f"The scene fills the photos: {share.value:.1%} of their area may be sky ("
-        return "off", confidence_of([share]), f"{reason}above {VISIBLE_SHARE:.0%} it counts)."
-    sky = f"{share.value:.0%} of the photos' area is sky"
-    if by_photo.is_above:
+    limit = np.fmax(limit, range_by_direction(cells, values)).item()
+    by_photo, by_direction = spread_by_photo(cells, values), range_by_direction(cells, cells.colors)
+    figures |= {"by_photo": by_photo, "by_direction": by_direction}
+    sky = f"{empty:.0%} of the photos' area is sky"
+    judged = [(empty, VISIBLE_SHARE), (by_photo, limit)]
+    if not empty > VISIBLE_SHARE:
+        decision, judged = "off", judged[:1]
         reason = (
-            f"{sky}, and photos show different ones: they differ by {by_photo.value:.3f} "
-            f"(above {by_photo.threshold:.3f} it counts)."
+            f"The scene fills the photos: {empty:.1%} of their area may be sky "
+            f"(above {VISIBLE_SHARE:.0%} it counts)."
         )
-        return "image", confidence_of([share, by_photo]), reason
-    if np.isnan(by_photo.value):
-        return "sh", "close", f"{sky}; photos do not look in the same directions."
-    sure = confidence_of([share, by_photo, by_direction])
-    if by_direction.is_above:
+    elif by_photo > limit:
+        decision = "image"
         reason = (
-            f"{sky}, one for all photos, and its directions differ by {by_direction.value:.3f} of "
+            f"{sky}, and photos show different ones: they differ by {by_photo:.3f} "
+            f"(above {limit:.3f} it counts)."
+        )
+    elif np.isnan(by_photo):
+        reason = f"{sky}; photos do not look in the same directions."
+        return Finding("background", "sh", "close", reason, figures)
+    else:
+        judged.append((by_direction, RANGE))
+        decision = "sh" if by_direction > RANGE else "constant"
+        reason = (
+            f"{sky}, one for all photos, and its directions differ by {by_direction:.3f} of "
             f"the range of values (above {RANGE:.3f} it counts)."
         )
-        return "sh", sure, reason
-    return "constant", sure, f"{sky}, of one colour."
+    return Finding("background", decision, confidence_of(*judged), reason, figures)

@@ -1,8 +1,7 @@
-"""What the survey says: figures with thresholds and a decision for each effect."""
+"""What the survey says: a decision for each effect, and why."""
 
 import json
 import math
-from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Literal
 
@@ -11,24 +10,6 @@ Confidence = Literal["clear", "close", "none"]
 
 CLEAR = 1.5
 """A figure that is so many times its threshold, or that part of it, is clear of it."""
-
-
-@dataclass(frozen=True)
-class Figure:
-    """One measured number."""
-
-    name: str
-    value: float
-    """NaN where it could not be measured."""
-    meaning: str
-    """What it is, with its unit, for somebody who reads the JSON."""
-    threshold: float | None = None
-    """Above it the figure speaks for the effect; None for what is told beside."""
-
-    @property
-    def is_above(self) -> bool:
-        """Whether it was measured and speaks for the effect."""
-        return self.threshold is not None and self.value > self.threshold
 
 
 @dataclass(frozen=True)
@@ -43,7 +24,8 @@ class Finding:
     safe."""
     reason: str
     """A sentence with the figures that decided."""
-    figures: tuple[Figure, ...]
+    figures: dict[str, float]
+    """What was measured, NaN where it could not be; docs/explain/survey.md says what each is."""
 
     def line(self) -> str:
         """For a console: the decision and why."""
@@ -59,10 +41,6 @@ class Survey:
     background: Finding
     num_photos: int
     """Of the training split."""
-    num_surveyed: int
-    """That were looked at."""
-    num_points: int
-    """At which colours were compared."""
     notes: tuple[str, ...] = ()
     mismatch: str = ""
     """What makes training useless: see `mismatches`."""
@@ -90,13 +68,9 @@ class Survey:
         return [*self.notes, *(finding.line() for finding in self.findings)]
 
 
-def confidence_of(figures: Sequence[Figure]) -> Confidence:
+def confidence_of(*figures: tuple[float, float]) -> Confidence:
     """How far the figures that decided are from their thresholds; the nearest one counts."""
-    if all(math.isnan(figure.value) for figure in figures):
+    if all(math.isnan(value) for value, _ in figures):
         return "none"
-    is_close = any(
-        figure.threshold is not None
-        and figure.threshold / CLEAR < figure.value < figure.threshold * CLEAR
-        for figure in figures
-    )
+    is_close = any(limit / CLEAR < value < limit * CLEAR for value, limit in figures)
     return "close" if is_close else "clear"

@@ -23,7 +23,7 @@ from desplat_ns.data.images import resize_image, resize_mask
 from desplat_ns.data.reconstruction import TRACKS
 
 LONGEST_SIDE = 400
-"""Pixels of the small copies: a face in a crowd is a few of them, and no detail is needed."""
+"""Pixels of the small copies."""
 CELL = 1 / 48
 """Of the longest side. A place's neighbourhood are its cell and the eight around it."""
 MOST_PHOTOS = 160
@@ -31,7 +31,7 @@ MOST_PHOTOS = 160
 MOST_READERS = 8
 """Photos that are decoded at once at most: one of 12 megapixels takes 36 MB meanwhile."""
 MOST_POINTS = 3000
-"""Points at which colours are compared; more make no figure steadier."""
+"""Points at which colours are compared."""
 COLOR_PHOTOS, COLOR_POINTS = 24, 100_000
 """So many photos, evenly spread, colour so many points in a few seconds; others are like these."""
 GRID = 5
@@ -89,8 +89,8 @@ class View:
             return inside.all(axis=-1) & (depths > 0)
 
     def directions(self, pixels: Float[np.ndarray, "*K 2"]) -> Float[np.ndarray, "*K 3"]:
-        """Unit directions in the world, as an undistorted lens of this kind would look: a few
-        pixels off at the corners, which does not matter for a sky."""
+        """Unit directions in the world, by a lens of this kind without distortion: a few pixels off
+        at the corners, which does not matter for a sky."""
         flat = (pixels - self.K[:2, 2]) / self.K.diagonal()[:2]
         if self.is_fisheye:
             angle = np.linalg.norm(flat, axis=-1, keepdims=True)
@@ -182,9 +182,8 @@ class Observations:
 
 
 def observe(capture: DataparserOutputs, most: int = MOST_PHOTOS) -> Observations:
-    """Read a split's photos as they are on disk, as many at once as there are cores, and sample
-    them at its points; of more than `most` photos so many, evenly spread. Raises CaptureError: a
-    photo or mask that cannot be read, or does not fit its camera."""
+    """Read at most so many of a split's photos, evenly spread, and sample them at its points.
+    Raises CaptureError: a photo or mask that cannot be read, or does not fit its camera."""
     photos, tracks = capture.image_filenames, capture.metadata.get(TRACKS)
     given = capture.metadata.get("points3D_xyz")
     all_xyz = np.zeros((0, 3)) if given is None else given.double().cpu().numpy()
@@ -246,9 +245,8 @@ def _look_at(
 
 
 def colors_of_photos(capture: DataparserOutputs) -> UInt8[np.ndarray, "N 3"]:
-    """Colours of a split's points: the median of what the photos show there, or the colour of the
-    nearest point that a photo shows, or grey where none shows any. Raises CaptureError: as
-    `observe`."""
+    """Colours of a split's points: the median of what the photos show there, else the colour of the
+    nearest point that a photo shows; grey if none shows any. Raises as `observe`."""
     from sklearn.neighbors import NearestNeighbors
 
     all_xyz = capture.metadata["points3D_xyz"].double().cpu().numpy()

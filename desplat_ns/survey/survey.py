@@ -68,15 +68,8 @@ def survey(capture: DataparserOutputs) -> tuple[Survey, Evidence]:
         )
     if len(observations.views) < len(capture.image_filenames):
         notes.append(f"{len(observations.views)} photos, evenly spread, stand for all.")
-    findings = Survey(
-        appearance=appearance,
-        background=background,
-        num_photos=len(capture.image_filenames),
-        num_surveyed=len(observations.views),
-        num_points=len(observations.xyz),
-        notes=(*notes, *said),
-        mismatch=mismatch,
-    )
+    num_photos = len(capture.image_filenames)
+    findings = Survey(appearance, background, num_photos, (*notes, *said), mismatch)
     return findings, Evidence(observations, light, steps, skies)
 
 
@@ -115,8 +108,8 @@ def refuse_mismatch(mismatch: str) -> None:
 
 
 def _unlike(observations: Observations) -> Bool[np.ndarray, " V"]:
-    """Which photos show other patches at the points than the other photos do: the cosine of a
-    photo's patches and the others' sums is below `LEAST_AGREEMENT` (docs/explain/survey.md)."""
+    """Which photos show other patches at the points than the others do: the cosine of a photo's
+    patches and the others' sums is below `LEAST_AGREEMENT` (docs/explain/survey.md)."""
     shown = observations.is_shown
     patches = observations.structures * shown[..., None]
     others = patches.sum(axis=0) - patches
@@ -132,16 +125,9 @@ def _unlike(observations: Observations) -> Bool[np.ndarray, " V"]:
 def decided_effects(
     effects: EffectsConfig, outputs: DataparserOutputs, accept_mismatch: bool = False
 ) -> tuple[EffectsConfig, Survey]:
-    """The effects that the training photos call for, where `effects` does not give them, and the
-    findings, which are said on the console. Distractors are on unless they are given.
-
-    Args:
-        outputs: of the training split.
-
-    Raises:
-        CaptureError: no photo, or one that cannot be read or does not fit its camera; or as
-            `refuse_mismatch`, unless a mismatch is accepted.
-    """
+    """The effects that the training split calls for, where `effects` does not give them, and the
+    findings, which are said on the console. Distractors are on unless they are given. Raises as
+    `survey`, and as `refuse_mismatch` unless a mismatch is accepted."""
     findings, _ = survey(outputs)
     refuse_mismatch("" if accept_mismatch else findings.mismatch)
     decided = effects.decided(Effects(**findings.decisions()))  # pyright: ignore[reportArgumentType]

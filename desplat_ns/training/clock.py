@@ -11,13 +11,13 @@ TIMED_FROM = 100
 
 GAUSSIAN, LAYER, LOOK = 7, 0.4, 2_000_000
 """What is drawn besides the pixels of the static scene, in pixels that take as long on a CPU: a
-static Gaussian more than at the start, 6 to 11; distractors, for each of the photo's pixels, 0 to
-0.6; and asking the other photos about one, once for each when the warm-up is over."""
+static Gaussian more than at the start; distractors, for each of the photo's pixels; and asking the
+other photos about one, once for each when the warm-up is over."""
 
 ADDED, SHARE = 85_000, 0.2
-"""Gaussians by which a static set is expected to grow, times the root of a photo's megapixels:
-13,000 were seen on 0.03 megapixels, 43,000 to 131,000 on 0.4 to 0.5. And the share of the
-refinements after which what has grown says as much of what will."""
+"""Gaussians by which a static set is expected to grow, times the root of a photo's megapixels (seen
+were 43,000 to 131,000 on 0.4 to 0.5); and the share of the refinements after which what has grown
+says as much of what will."""
 
 TRUST, MEMORY = 5.0, 60.0
 """Seconds of steps that say as much of the run's pace as the trial does; and after which a step
@@ -28,8 +28,7 @@ class Clock:
     """Seconds of the steps of a run, those ahead included."""
 
     def __init__(self, pipeline: Any, fixed: float, pixel: float):
-        """`pipeline`: of the run, where it starts or goes on; `fixed`, `pixel`: seconds of a step,
-        whatever it draws, and of a pixel more."""
+        """`fixed`, `pixel`: seconds of a step, whatever it draws, and of a pixel more."""
         self.pipeline, self.fixed, self.pixel = pipeline, fixed, pixel
         self.taken = self.expected = TRUST
         self.start = self._grown()

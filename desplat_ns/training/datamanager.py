@@ -46,7 +46,7 @@ else:
 
 @dataclass
 class DeSplatDataManagerConfig(FullImageDatamanagerConfig):
-    """Full photos, kept as 8 bit."""
+    """Full photos."""
 
     _target: type = field(default_factory=lambda: DeSplatDataManager)
     dataparser: AnyDataParser = field(default_factory=DeSplatDataParserConfig)
@@ -63,9 +63,9 @@ class DeSplatDataManagerConfig(FullImageDatamanagerConfig):
         return super().setup(**kwargs)
 
     def settle_dataparser(self) -> DataParserConfig:
-        """Put the dataparser that reads the capture in the place of `desplat-data`, and ours in
-        the place of upstream's that ask questions; once settled it stays. Returns it. Raises
-        CaptureError where there is no capture, and as `without_prompts` and `check_ranges`."""
+        """Put the dataparser that reads the capture in the place of `desplat-data` or of upstream's
+        that ask questions, and return it. Raises CaptureError where there is no capture, and as
+        `without_prompts` and `check_ranges`."""
         check_ranges(self, "--pipeline.datamanager")
         if self.data is not None:
             self.dataparser.data = Path(self.data)  # pyright: ignore[reportAttributeAccessIssue]
@@ -132,9 +132,8 @@ class DeSplatDataManager(FullImageDatamanager[CaptureDataset]):
         return dataset
 
     def _check_held_out(self, photos: list[Path]) -> None:
-        """Raise CaptureError where photos train and are held out, for scores on the way or for
-        those of ns-eval. A trained run, `--eval-mode all`, and data parsers whose splits no file
-        of the capture decides, are warned."""
+        """Raise CaptureError where photos train and are held out. A trained run, `--eval-mode all`,
+        and data parsers whose splits no file of the capture decides, are warned."""
         parser, is_training = self.dataparser, self.test_mode == "val"
         if is_training:
             with suppress(Exception):  # it may not be there; upstream's errors are of many kinds
@@ -157,8 +156,7 @@ class DeSplatDataManager(FullImageDatamanager[CaptureDataset]):
         return image_names(self.train_dataset.image_filenames)
 
     def remembered(self) -> dict[str, Tensor]:
-        """The training cameras, as pinholes, and the capture's frame: what a checkpoint keeps to
-        recognise the capture, and to do without it where no photo is needed."""
+        """The training cameras, as pinholes, and the capture's frame, for a checkpoint."""
         outputs, parser = self.train_dataparser_outputs, self.dataparser
         transform, cameras = outputs.dataparser_transform, self.train_dataset.cameras
         if isinstance(parser, DeSplatColmapDataParser):  # in float64
@@ -221,8 +219,8 @@ class DeSplatDataManager(FullImageDatamanager[CaptureDataset]):
     def training_images(
         self, chosen: Sequence[int]
     ) -> Iterator[tuple[int, Cameras, dict[str, Any]]]:
-        """Training views with their camera [1] and their photo as trained on, `image` of 8 bits and
-        perhaps `mask`; undistorted. Raises CaptureError of a photo that cannot be read any more."""
+        """Training views with their camera [1] and their photo as trained on, undistorted, `image`
+        of 8 bits and perhaps `mask`. Raises CaptureError of a photo that cannot be read."""
         dataset, undistorted = self.train_dataset, None
         if is_distorted(dataset.cameras):
             undistorted = self.cached_train  # changes the cameras

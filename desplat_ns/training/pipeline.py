@@ -107,12 +107,8 @@ class DeSplatPipeline(VanillaPipeline):
         output_path: Path | None = None,
         get_std: bool = False,
     ) -> dict[str, Any]:
-        """Means over the images, sizes and times; what `ns-eval` writes and TensorBoard plots.
-
-        `get_std` is how nerfstudio 1.1.5 marks a call by `ns-eval`: then it is `evaluate`, else
-        `evaluate_in_training`. `output_path`: a folder for the photo and the rendering of every
-        image, side by side. Raises as those.
-        """
+        """`evaluate` where `get_std`, by which nerfstudio 1.1.5 marks a call by `ns-eval`, else
+        `evaluate_in_training`. `output_path`: a folder for pictures of photo and rendering."""
         manager = self.datamanager
         split = manager.eval_dataset if image_prefix == "eval" else manager.train_dataset
 
@@ -163,11 +159,11 @@ class DeSplatPipeline(VanillaPipeline):
         return asdict(self.scene_record())
 
     def set_extra_state(self, state: object) -> None:
-        """Nothing is taken over from the record: it is compared before loading."""
+        """Nothing: the record was compared before."""
 
     def load_pipeline(self, loaded_state: dict[str, Any], step: int) -> None:
         """Load a checkpoint's pipeline as it stood after `step`. Raises CheckpointError where it
-        belongs to another scene or other effects, when nothing is changed, or does not fit."""
+        does not fit; where it belongs to another scene or other effects, nothing is changed."""
         self.load_state_dict(loaded_state)
         self._model.step = step  # it decides on the SH degree
 

@@ -41,7 +41,7 @@ class Preview:
 
     def after_step(self, step: int, is_evaluated: bool = False) -> None:
         """Write the page where one is due, or the scene was evaluated, and draw it anew unless that
-        would cost more than `COST` of the time; training is as without it."""
+        would cost more than `COST` of the time."""
         began = time.monotonic()
         if not (is_evaluated or began >= self._due):
             return
@@ -95,7 +95,9 @@ class Preview:
         if covered:
             counts = model.distractors.counts()
             number = max(range(len(counts)), key=lambda index: counts[index])
-            outputs, photo = self._training_photo(number)
+            _, camera, batch = next(manager.training_images([number]))
+            outputs = model.get_outputs_for_camera(camera.to(model.device))
+            photo = model.photo_of(outputs, {"image": batch["image"].to(model.device)})
             pictures = [("photo", photo), ("scene", outputs["rgb_static"])]
             pictures += [("in the way", outputs["distractor_mask"].float())]
             shown.append((f"{manager.train_image_names[number]}, with most in the way", pictures))
@@ -103,9 +105,3 @@ class Preview:
         sources = iter(fitted_into(pictures, PAGE_BYTES))
         drawn = [(title, [(what, next(sources)) for what, _ in row]) for title, row in shown]
         return {"covered": len(covered), "photos": drawn}
-
-    def _training_photo(self, index: int) -> tuple[dict[str, Any], Any]:
-        manager, model = self.pipeline.datamanager, self.pipeline.model
-        _, camera, batch = next(manager.training_images([index]))
-        outputs = model.get_outputs_for_camera(camera.to(model.device))
-        return outputs, model.photo_of(outputs, {"image": batch["image"].to(model.device)})

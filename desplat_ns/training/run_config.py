@@ -70,9 +70,8 @@ class RunConfig(TrainerConfig):
         announce(f"{self.method_name} trains on {data}. Its settings will be in {config}")
 
     def save_config(self) -> None:
-        """Check what can be checked before ns-train starts any process; nothing is written yet, see
-        `write_config`. Raises ConfigError where there would be several processes, or a number lies
-        outside its range."""
+        """Check what can be checked before ns-train starts any process; see `write_config`. Raises
+        ConfigError where there would be several processes, or a number lies outside its range."""
         begin_run()
         check_ranges(self)
         check_ranges(self.pipeline.model, "--pipeline.model")
@@ -118,10 +117,9 @@ class RunConfig(TrainerConfig):
         return None
 
     def decide_effects(self, saved: SavedRun | None, capture: Capture) -> Survey | None:
-        """With `effects.auto` those of the checkpoint that the run goes on from, or those that the
-        capture calls for; config.yml then has them, for ns-eval and the next resume. Returns the
-        survey's findings, if there was one. Raises CaptureError where photos cannot be surveyed, or
-        most do not go with the points in a new run."""
+        """With `effects.auto` take those of the checkpoint that the run goes on from, or those that
+        the capture calls for. Returns the survey's findings, if there was one. Raises CaptureError
+        where photos cannot be surveyed, or most do not go with the points in a new run."""
         model: Any = self.pipeline.model
         findings = None
         is_auto = isinstance(model, DeSplatModelConfig) and model.effects.auto
@@ -136,9 +134,8 @@ class RunConfig(TrainerConfig):
         return findings
 
     def settle_length(self, capture: Capture) -> None:
-        """Where no number of steps is given, as many as the photos of a capture ask for, or with a
-        budget the method's own number at most; and the model's `schedule_scale`, where it is
-        None."""
+        """Settle the number of steps, where none is given by what the photos ask for, or with a
+        budget the method's own number; and the model's `schedule_scale`."""
         if self.max_num_iterations == 0 and self.visits > 0 and not self.budget:
             photos = len(capture().cameras)
             visits = self.visits * (1 if self.machine.device_type == "cpu" else GPU_VISITS)

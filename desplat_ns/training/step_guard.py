@@ -62,12 +62,8 @@ class GuardedOptimizers(Optimizers):
             self._photos.add(photo)
             what = "The step is skipped, and so are others of this photo if they are like it."
             announce(f"{self._last}. {what}", warning=True)
-        model.drop_step()
+        model.train_step = None  # a refinement or reset that was due follows at the next one
         _drop_gradients(every)
-
-    def zero_grad_some(self, param_groups: list[str]) -> None:
-        """nerfstudio's, without asking torch's profiler for each group."""
-        _drop_gradients(self.optimizers[name] for name in param_groups)
 
     def scheduler_step_all(self, step: int) -> None:
         """nerfstudio's, which logs all rates at every step; here where a step is logged."""
@@ -89,10 +85,9 @@ class GuardedOptimizers(Optimizers):
 
 @torch.no_grad()
 def is_sound(losses: Iterable[Tensor], optimizers: Iterable[Optimizer]) -> bool:
-    """Whether the sum of squares of the terms of the loss and of the gradients of all parameters is
-    finite, which takes one pass over the memory. It is not if one of them is not, or is so large
-    (1.8e19 in float32) that Adam's second moment would stay infinite and the parameter never move
-    again."""
+    """Whether the sum of squares of the terms of the loss and of all gradients is finite: none of
+    them is NaN, infinite, or so large (1.8e19 in float32) that Adam's second moment would stay
+    infinite."""
     gradients = [p.grad for p in _parameters_of(optimizers) if p.grad is not None]
     values = [*losses, *([get_total_norm(gradients, foreach=True)] if gradients else [])]
     if not values:

@@ -74,8 +74,8 @@ class DeSplatTrainerConfig(RunConfig):
 
 
 class DeSplatTrainer(Trainer):
-    """nerfstudio's Trainer with a clock, guarded steps, atomic checkpoints, exact resume. Ctrl+C,
-    or SIGTERM, ends the run after the step at hand and saves; a second one ends it at once."""
+    """nerfstudio's Trainer with a clock, guarded steps, atomic checkpoints and exact resume, which
+    saves when it is told to stop."""
 
     config: DeSplatTrainerConfig
     optimizers: GuardedOptimizers
@@ -100,21 +100,13 @@ class DeSplatTrainer(Trainer):
         self._telling = Telling({})
         self._folder_lock = ExitStack()
         self._save_by = 0.0
-        self.seconds_left: float | None = None
-        """Until the last step, as it was told last."""
+        self.seconds_left: float | None = None  # as it was told last
 
     # --- before the first step ---------------------------------------------------------------
 
     def setup(self, test_mode: Literal["test", "val", "inference"] = "val") -> None:
-        """nerfstudio's, once it is decided which effects the run has. Whatever fails here leaves no
-        folder behind.
-
-        Raises:
-            BackendUnavailableError: the backend cannot run on this machine's device.
-            CaptureError: photos that cannot be surveyed.
-            CheckpointError: one that cannot be gone on from.
-            ConfigError: a budget in which nothing can be trained; or a folder that holds another
-                run, in which another process trains, or that cannot be written.
+        """nerfstudio's, once it is decided which effects the run has. Raises DeSplatError where
+        backend, photos, checkpoint, budget or folder do not allow the run; no folder is left then.
         """
         config = self.config
         with ExitStack() as stack:
@@ -143,7 +135,7 @@ class DeSplatTrainer(Trainer):
 
     @property
     def _model_config(self) -> Any:
-        """The `DeSplatModelConfig` of the run, before the number of photos is known to it."""
+        """The `DeSplatModelConfig` as it is before the model is made (`for_run`)."""
         return self.config.pipeline.model
 
     def setup_optimizers(self) -> Optimizers:
@@ -248,8 +240,7 @@ class DeSplatTrainer(Trainer):
 
     def _prices_of_steps(self, each: int) -> tuple[float, float]:
         """Prices for a `Clock`, by medians of `each` steps on photos of the smallest and of the
-        largest size that are coming. Another model trains; then random generators and the order of
-        photos are as before."""
+        largest size that are coming. Another model trains, and nothing of the run changes."""
         pipeline, manager, kept = self.pipeline, self.pipeline.datamanager, self.pipeline.model
         state, order = resume.rng_state(), manager.sampler_state()
         sizes, pixels = kept.config.downscale_factor, manager.get_train_rays_per_batch()
@@ -304,9 +295,8 @@ class DeSplatTrainer(Trainer):
     # --- the loop ----------------------------------------------------------------------------
 
     def train(self) -> None:
-        """Train until `max_num_iterations` steps are done in all, those of the checkpoint included;
-        where none is left, say so and change nothing. Raises CaptureError where a photo cannot be
-        read any more; what is trained is saved before."""
+        """Train until `max_num_iterations` steps are done in all, those of the checkpoint included.
+        Raises CaptureError where a photo cannot be read any more, once what is trained is saved."""
         whole = self.config
         most, done = self._most, self._steps_done
         if most <= done:
@@ -364,9 +354,9 @@ class DeSplatTrainer(Trainer):
         return loss.detach(), {name: term.detach() for name, term in terms.items()}, metrics
 
     def eval_iteration(self, step: int) -> None:
-        """Evaluate the static scene, where it is due, and leave the random generators as they were:
-        a resumed run first builds a metric, which may draw, at another step. Where it fails, what
-        is trained is saved before that ends the run."""
+        """Evaluate the static scene, where it is due; random generators stay as they were, as a
+        resumed run builds a metric, which may draw, at another step. If it fails, what is trained
+        is saved before that ends the run."""
         config = self.config
         intervals = (config.steps_per_eval_batch, config.steps_per_eval_image)
         if not any(step_check(step, n) for n in (*intervals, config.steps_per_eval_all_images)):
@@ -384,8 +374,8 @@ class DeSplatTrainer(Trainer):
             resume.restore_rng(state)
 
     def _after_train(self) -> None:
-        """Save and report, in place of nerfstudio's, which counts the step before which a run was
-        stopped as done; raise the guard's error if it stopped the run."""
+        """Save and report, in place of nerfstudio's, which counts one step too many of a run that
+        was stopped. Raises the guard's error if it stopped the run."""
         self.step, self.training_state = self._steps_done - 1, "completed"
         if self._steps_done == 0:
             announce("Stopped before the first step: nothing to save.")
@@ -437,9 +427,8 @@ class DeSplatTrainer(Trainer):
 
     @check_main_thread
     def save_checkpoint(self, step: int) -> None:
-        """Save the state after `step`, whole or not at all; only afterwards older ones go, but for
-        the one before. Where it cannot be written on the way, that is said and training goes on;
-        raises CheckpointError where the run's last one cannot."""
+        """Save the state after `step`, whole or not at all, and then remove older ones but for one.
+        One on the way that cannot be written is said; raises CheckpointError for the last one."""
         path, began = checkpoint_path(self.checkpoint_dir, step), time.monotonic()
         try:
             save_atomically(self._state(step), path)

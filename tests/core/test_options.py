@@ -22,7 +22,7 @@ from tests.helpers.registered import set_up
         ("pipeline.model.sh_degree", 5),
         ("pipeline.model.sh_degree_interval", 0),
         ("pipeline.model.distractors.per_view", -1),
-        ("pipeline.model.distractors.weak_excess", math.nan),
+        ("pipeline.model.distractors.strong_excess", math.nan),
         ("pipeline.model.distractors.strong_excess", math.nan),
         ("pipeline.model.distractors.strong_excess", -5.0),
         ("pipeline.model.distractors.lambda_d", math.nan),

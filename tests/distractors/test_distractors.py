@@ -1,6 +1,5 @@
 """When a photo is compared with the static scene."""
 
-from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -107,27 +106,3 @@ def test_a_cell_counts_if_half_of_its_pixels_do():
     assert counted.shape == (80, 100)
     assert counted[0, :3].tolist() == [True, False, True]
     assert counted.sum() == counted.numel() - 1
-
-
-def test_what_gaussians_count_for_has_the_same_bits_on_any_number_of_threads(monkeypatch):
-    """From 32,768 Gaussians on torch splits them."""
-    scene, seen, before = WellKnownScene(), [], torch.get_num_threads()
-    logits = 3 * torch.randn(65_537, 1, generator=torch.Generator().manual_seed(0))
-    places, radii = 30 * torch.rand(1, len(logits), 2), torch.ones(len(logits)).int()
-    config = DistractorConfig(start="residual", static_warmup=5)
-    at_hand = Distractors(config, DeSplatModelConfig(), cameras()[torch.zeros(5).long()])
-
-    def compare(photo: torch.Tensor, static: StaticView, *rest: Any) -> Any:
-        seen.append(static.opacities)
-        return decide.compare(photo, static, *rest)
-
-    monkeypatch.setattr(module, "compare", compare)
-    try:
-        for threads in (1, 2):
-            torch.set_num_threads(threads)
-            step = scene.train_step(0, scene.photo)
-            step.static = replace(scene.drawn, means2d=places, radii=radii)
-            at_hand.look(step, logits, {})
-    finally:
-        torch.set_num_threads(before)
-    assert torch.equal(*seen)

@@ -1,8 +1,6 @@
 """Left half to the embedding, right half to the figures, and nothing else moves; right halves
 are scored, in a light found on the left ones or in the average."""
 
-from typing import Any
-
 import pytest
 import torch
 
@@ -56,42 +54,6 @@ def test_the_right_half_cannot_reach_the_embedding(model, width, pixels, monkeyp
     assert not torch.equal(
         embedding_from_left_half(model, held_out(width), other, SHORT), fitted[0]
     )
-
-
-def test_a_large_photo_is_drawn_no_larger_than_its_light_needs(model, monkeypatch):
-    sizes, losses = set(), halves.photometric_losses
-
-    def seen(target: torch.Tensor, *others: Any) -> Any:
-        sizes.add(target.shape)
-        return losses(target, *others)
-
-    monkeypatch.setattr(halves, "photometric_losses", seen)
-    monkeypatch.setattr(halves, "FITTED_PIXELS", REDUCED)
-    embedding_from_left_half(model, held_out(), torch.rand(HEIGHT, WIDTH, 3), SHORT)
-    assert sizes == {(HEIGHT // 3, WIDTH // 3 // 2, 3)}
-
-
-def test_of_a_large_photo_the_closed_form_takes_few_pixels_and_finds_the_same(monkeypatch):
-    model, counts, fit = moved(model_with("camera")).eval(), [], halves.fit_response
-    with torch.no_grad():
-        model.image_effects.after_step()  # of an average light that changes nothing
-    photo = photo_in_the_light_of(model, 1)
-
-    def counted(rgb: torch.Tensor, *others: Any) -> Any:
-        counts.append(len(rgb))
-        return fit(rgb, *others)
-
-    monkeypatch.setattr(halves, "fit_response", counted)
-    found = []
-    for pixels in (halves.FITTED_PIXELS, REDUCED):
-        monkeypatch.setattr(halves, "FITTED_PIXELS", pixels)
-        found.append(embedding_from_left_half(model, held_out(), photo, SHORT))
-    assert counts == [HEIGHT * WIDTH // 2, REDUCED]
-    images = []
-    for light in found:
-        with model.shown_in(light):
-            images.append(model.get_outputs_for_camera(held_out())["rgb"])
-    assert float((images[0] - images[1]).abs().mean()) < 1 / 255
 
 
 def test_what_is_fitted_is_what_is_scored(model):

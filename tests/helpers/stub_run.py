@@ -55,14 +55,11 @@ class StubModel:
 
     def __init__(self, scale: float | None = None) -> None:
         self.schedule = Schedule(scale or 1.0)
-        self.step, self.train_step = 0, SimpleNamespace(losses=dict[str, torch.Tensor]())
+        self.step = 0
         self.gauss_params = {"means": torch.zeros(1, 3)}
 
     def view_name(self) -> str:
         return "a.jpg"
-
-    def drop_step(self) -> None:
-        pass
 
     def view_optimizers(self) -> dict[str, torch.optim.Optimizer]:
         return {}
@@ -89,7 +86,7 @@ class StubPipeline(Pipeline):
         return "cpu"
 
     def get_train_loss_dict(self, step: int) -> Any:
-        self._model.step = step
+        self._model.step, self._model.train_step = step, SimpleNamespace(losses={})
         self.at_step(step)
         self.trained.append(step)
         target = torch.rand(4) + self.datamanager.next_view()

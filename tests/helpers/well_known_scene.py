@@ -5,13 +5,16 @@ from typing import Any
 
 import torch
 from nerfstudio.cameras.cameras import Cameras
+from nerfstudio.models.splatfacto import SplatfactoModelConfig
 
 from desplat_ns.backend.protocol import Rendering, View
 from desplat_ns.cameras.views import view_of
+from desplat_ns.core.effects import BackgroundGrade
 from desplat_ns.core.schedule import NominalStep, RunStep
-from desplat_ns.distractors.distractors import apply_mask
-from desplat_ns.separation.decide import StaticView, Thresholds, compare, decide
-from desplat_ns.separation.residuals import RESIDUAL_MEDIANS, medians_in
+from desplat_ns.distractors.config import DistractorConfig
+from desplat_ns.distractors.distractors import Distractors
+from desplat_ns.separation.decide import Thresholds
+from desplat_ns.separation.residuals import RESIDUAL_MEDIANS
 from desplat_ns.step import Step
 
 WIDTH, HEIGHT = 60, 40
@@ -60,24 +63,20 @@ class WellKnownScene:
         by: Thresholds | None = None,
         mask: torch.Tensor | None = None,
         unexplained: torch.Tensor | None = None,
+        background: BackgroundGrade = "off",
     ) -> torch.Tensor:
         """Its regions; the photo is remembered. `unexplained` of it, if other photos were asked."""
-        count, counted, rgb = len(self.opacities), None, self.rendered()
-        if mask is not None:
-            photo, counted = apply_mask(photo, rgb, mask)
-        static = StaticView(
-            rgb,
-            torch.ones_like(rgb[..., :1]),
-            None,
-            self.drawn.means2d[0],
-            self.drawn.visible,
-            self.opacities[:, 0].sigmoid(),
-        )
-        residual_medians = medians_in(self.state, count, photo.device)
-        comparison, residual_medians = compare(photo, static, residual_medians, counted)
-        regions = decide(comparison, lambda: unexplained, by or Thresholds())
-        self.state[RESIDUAL_MEDIANS] = residual_medians
-        return regions
+        five = cameras()[torch.zeros(5, dtype=torch.long)]
+        config = DistractorConfig(start="residual", static_warmup=0)
+        at_hand: Any = Distractors(config, SplatfactoModelConfig(), five, background=background)
+        at_hand.thresholds = by or Thresholds()
+        at_hand.sweep.unexplained = lambda *_: unexplained
+        step = self.train_step(0, photo)
+        step.mask = mask
+        at_hand.look(step, self.opacities, self.state)
+        assert step.regions is not None
+        self.state[RESIDUAL_MEDIANS] = step.residual_medians
+        return step.regions
 
     def with_an_occluder(self) -> torch.Tensor:
         photo = self.photo.clone()

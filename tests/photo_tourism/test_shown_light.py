@@ -7,7 +7,7 @@ from desplat_ns.core.effects import Effects
 from desplat_ns.core.errors import ConfigError
 from desplat_ns.photo_tourism.config import AppearanceConfig
 from desplat_ns.photo_tourism.image_effects import ImageEffects
-from desplat_ns.photo_tourism.shown_light import VARIABLE, ShownLight, mixed_light
+from desplat_ns.photo_tourism.shown_light import VARIABLE, ShownLight
 
 NAMES = ["a.jpg", "b:1.jpg", "c.jpg"]
 
@@ -30,13 +30,12 @@ def test_the_viewer_s_choice_is_shown(lights):
     torch.testing.assert_close(shown.embedding(lights, 1), lights.of(2))
 
 
-def test_the_environment_names_a_mix(lights, monkeypatch):
-    monkeypatch.setenv(VARIABLE, "a.jpg:3, c.jpg:1")
+def test_the_environment_names_an_image(lights, monkeypatch):
+    monkeypatch.setenv(VARIABLE, "b:1.jpg")
     shown = ShownLight(NAMES)
-    expected = 0.75 * lights.of(0) + 0.25 * lights.of(2)
-    torch.testing.assert_close(shown.embedding(lights), expected)
+    assert torch.equal(shown.embedding(lights), lights.of(1))
     shown.choice.value = "c.jpg"  # the viewer comes before it
-    torch.testing.assert_close(shown.embedding(lights), lights.of(2))
+    assert torch.equal(shown.embedding(lights), lights.of(2))
 
 
 def test_an_evaluation_sees_neither(lights, monkeypatch):
@@ -56,17 +55,3 @@ def test_a_name_of_another_scene_matters_only_where_it_is_worn(lights, monkeypat
         shown.embedding(lights)
     with pytest.raises(ConfigError, match=r"elsewhere\.jpg"):
         shown.embedding(lights)
-
-
-def test_names_may_hold_colons(lights):
-    torch.testing.assert_close(mixed_light("b:1.jpg", NAMES, lights), lights.of(1))
-    both = mixed_light("b:1.jpg:2,a.jpg:2", NAMES, lights)
-    torch.testing.assert_close(both, (lights.of(0) + lights.of(1)) / 2)
-
-
-@pytest.mark.parametrize(
-    "text", ["x.jpg", "a.jpg:much", "a.jpg:0", "a.jpg:-1,c.jpg:2", ",", "a.jpg:inf"]
-)
-def test_a_text_that_makes_no_mix_is_refused(text, lights):
-    with pytest.raises(ConfigError, match=VARIABLE):
-        mixed_light(text, NAMES, lights)

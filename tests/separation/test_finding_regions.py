@@ -1,27 +1,23 @@
 """What of a photo is in the way: regions by residual, other photos, detail and memory."""
 
-import dataclasses
-
 import torch
 
 from desplat_ns.separation.decide import Thresholds
 from desplat_ns.separation.residuals import RESIDUAL_MEDIANS
 from tests.helpers.well_known_scene import HEIGHT, WIDTH, WellKnownScene
 
-BY = Thresholds()
 
-
-def seen_often(by: Thresholds = BY) -> WellKnownScene:
+def seen_often() -> WellKnownScene:
     """The scene after five visits, in which nothing was in the way."""
     scene = WellKnownScene()
     for _ in range(5):
-        assert not scene.find(scene.photo, by).any()
+        assert not scene.find(scene.photo).any()
     return scene
 
 
 def test_an_occluder_of_one_view_is_found_on_a_scene_seen_often():
     scene = seen_often()
-    region = scene.find(scene.with_an_occluder(), BY)
+    region = scene.find(scene.with_an_occluder())
     assert region.shape == (HEIGHT, WIDTH)
     true = torch.zeros_like(region)
     true[10:30, 20:40] = True
@@ -34,7 +30,7 @@ def test_a_strong_excess_above_the_most_of_a_rough_scene_acts():
         scene = seen_often()
         photo = scene.photo.clone()
         photo[10:30, 20:40] += 0.55
-        by = dataclasses.replace(BY, strong=strong)
+        by = Thresholds(strong=strong)
         found.append(int(scene.find(photo, by).sum()))
     assert found[0] > 100 and found[1] == 0
 
@@ -46,9 +42,9 @@ def test_what_a_masked_pixel_holds_changes_no_bit():
         scene, mask = WellKnownScene(), torch.ones(HEIGHT, WIDTH, 1, dtype=torch.bool)
         mask[15:33, 12:31] = False
         for _ in range(3):
-            scene.find(scene.photo, BY)
+            scene.find(scene.photo)
         photo = scene.with_an_occluder().masked_fill(~mask, value)
-        regions = scene.find(photo, BY, mask)
+        regions = scene.find(photo, mask=mask)
         results.append((regions, scene.state[RESIDUAL_MEDIANS]))
     assert results[0][0].any()
     assert torch.equal(results[0][0], results[1][0])
@@ -60,8 +56,8 @@ def test_what_is_in_the_way_beside_a_mask_is_found():
     scene, mask = WellKnownScene(), torch.ones(HEIGHT, WIDTH, 1, dtype=torch.bool)
     mask[:, 30:] = False
     for _ in range(5):
-        scene.find(scene.photo, BY, mask)
-    region = scene.find(scene.with_an_occluder(), BY, mask)
+        scene.find(scene.photo, mask=mask)
+    region = scene.find(scene.with_an_occluder(), mask=mask)
     assert region[12:28, 22:28].all()
     assert not region[:, 30:].any()
 
@@ -69,7 +65,7 @@ def test_what_is_in_the_way_beside_a_mask_is_found():
 def with_an_occluder(unexplained: torch.Tensor | None) -> torch.Tensor:
     """Regions of a photo with an occluder, if the others leave so much of the photo unexplained."""
     scene = seen_often()
-    return scene.find(scene.with_an_occluder(), BY, unexplained=unexplained)
+    return scene.find(scene.with_an_occluder(), unexplained=unexplained)
 
 
 def test_what_other_photos_explain_is_in_no_region():
@@ -97,7 +93,7 @@ def test_of_the_scenes_own_detail_in_another_light_hardly_any_is_in_a_region():
     scene = seen_often()
     y, x = torch.meshgrid(torch.arange(HEIGHT), torch.arange(WIDTH), indexing="ij")
     flare = 0.4 * torch.exp(-((x - 30) ** 2 + (y - 20) ** 2) / 200)[..., None]
-    taken = scene.find(scene.photo + flare, dataclasses.replace(BY, shared_detail=1.0)).sum()
+    taken = scene.find(scene.photo + flare, Thresholds(shared_detail=1.0)).sum()
     assert taken > 800
-    assert scene.find(scene.photo + flare, BY).sum() < 0.1 * taken
-    assert scene.find(scene.with_an_occluder(), BY)[12:28, 22:38].all()
+    assert scene.find(scene.photo + flare).sum() < 0.1 * taken
+    assert scene.find(scene.with_an_occluder())[12:28, 22:38].all()

@@ -4,17 +4,12 @@ from dataclasses import replace
 
 import pytest
 import torch
-from nerfstudio.models.splatfacto import SplatfactoModelConfig
 
 from desplat_ns.core.effects import BackgroundGrade
-from desplat_ns.distractors.config import DistractorConfig
-from desplat_ns.distractors.distractors import Distractors
-from desplat_ns.separation.residuals import RESIDUAL_MEDIANS
-from tests.helpers.well_known_scene import HEIGHT, WIDTH, WellKnownScene, cameras
+from tests.helpers.well_known_scene import HEIGHT, WIDTH, WellKnownScene
 
 SKY = (slice(0, HEIGHT // 2), slice(0, WIDTH))
 """The upper half, in which the scene has no Gaussians."""
-CONFIG = DistractorConfig(start="residual", static_warmup=5)
 
 
 def smooth(blue: float) -> torch.Tensor:
@@ -36,17 +31,9 @@ class SceneBelowASky(WellKnownScene):
 
     def regions(self, photo: torch.Tensor, background: BackgroundGrade) -> torch.Tensor:
         """Of a photo, once ten like the scene were seen."""
-        cams = cameras()[torch.zeros(40, dtype=torch.long)]
-        at_hand = Distractors(CONFIG, SplatfactoModelConfig(), cams, background=background)
         for _ in range(10):
-            step = self.train_step(0, self.photo)
-            at_hand.look(step, self.opacities, self.state)
-            assert step.residual_medians is not None
-            self.state[RESIDUAL_MEDIANS] = step.residual_medians
-        step = self.train_step(100, photo)
-        at_hand.look(step, self.opacities, self.state)
-        assert step.regions is not None
-        return step.regions
+            self.find(self.photo, background=background)
+        return self.find(photo, background=background)
 
 
 @pytest.fixture

@@ -5,8 +5,6 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from desplat_ns.core.schedule import RunStep, Schedule
 from desplat_ns.training.clock import GAUSSIAN, LAYER, LOOK, Clock
@@ -67,25 +65,3 @@ def test_a_machine_that_gets_faster_is_noticed_within_minutes():
     for step in range(300, 1_800):
         clock.after_step(step, FIXED + PIXEL * SIZE)
     assert clock.left(500, STEPS) == pytest.approx(at_once, rel=0.2)
-
-
-@pytest.mark.slow
-@settings(max_examples=15)
-@given(pace=st.floats(0.3, 3), slower=st.floats(0.5, 3), at=st.floats(0.1, 0.9))
-def test_steps_are_aimed_at_that_end_with_the_time(pace, slower, at):
-    """Also where the machine is faster or slower than it was in the trial, and changes."""
-    run, now, budget, step, told = a_run(halves, most=START), 0.0, 120.0, 0, 0
-    clock = Clock(run, FIXED, PIXEL)
-    total = clock.steps_in(budget, 0, STEPS)
-    while step < total:
-        schedule = run.model.schedule
-        schedule.aim(RunStep(step), schedule.nominal(RunStep(step)), total, 30_000.0)
-        nominal = run.model.nominal_step = schedule.nominal(RunStep(step))
-        drawn = SIZE / halves(nominal, SIZE) ** 2
-        seconds = pace * (slower if now > at * budget else 1) * (FIXED + PIXEL * drawn)
-        now, step = now + seconds, step + 1
-        clock.after_step(step - 1, seconds)
-        if int(now) > told:
-            told, total = int(now), clock.steps_in(budget - now, step, total)
-    assert now == pytest.approx(budget, abs=1 + 3 * 3 * (FIXED + PIXEL * SIZE))
-    assert run.model.schedule.nominal(RunStep(step)) == pytest.approx(30_000, rel=0.02)

@@ -101,18 +101,3 @@ def test_the_mean_shown_opacity_is_of_what_the_view_shows_and_moves_nothing_else
     assert opacities.grad is not None
     assert opacities.grad.flatten().tolist() == pytest.approx([0.125, 0.0, 0.0])
     assert mean_shown_opacity(opacities, torch.zeros(3, dtype=torch.bool)).item() == 0
-
-
-def test_the_opacity_prior_has_the_same_bits_on_any_number_of_threads():
-    """From 32,768 Gaussians on torch splits them."""
-    logits = 3 * torch.randn(65_537, 1, generator=torch.Generator().manual_seed(0))
-    slopes, before = [], torch.get_num_threads()
-    try:
-        for threads in (1, 2):
-            torch.set_num_threads(threads)
-            opacities = logits.clone().requires_grad_()
-            mean_shown_opacity(opacities, torch.ones(len(logits), dtype=torch.bool)).backward()
-            slopes.append(opacities.grad)
-    finally:
-        torch.set_num_threads(before)
-    assert torch.equal(*slopes)

@@ -3,7 +3,6 @@ checkpoints it loads and what it says of the others."""
 
 import json
 import math
-import re
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -115,14 +114,6 @@ def test_ns_evals_json_holds_every_figure_and_no_nan():
     }
 
 
-def test_in_training_the_score_of_held_out_photos_is_told(capsys):
-    known_pipeline().get_average_eval_image_metrics(step=1000)
-    said = re.search(
-        r"Step 1,000: PSNR ([\d.]+) dB, .* on 2 held-out photos", capsys.readouterr().out
-    )
-    assert said and float(said[1]) == 16.99
-
-
 def test_pictures_are_saved_beside_their_photos(tmp_path: Path):
     folder = tmp_path / "new" / "pictures"
     known_pipeline().get_average_eval_image_metrics(output_path=folder, get_std=True)
@@ -176,13 +167,6 @@ def test_a_mask_over_everything_has_nothing_outside_and_bent_photos_have_no_scor
     assert "mask_iou" not in pipeline.get_average_eval_image_metrics(get_std=True)
 
 
-def test_without_distractors_masks_are_not_scored(tmp_path: Path):
-    pipeline = known_pipeline(KnownManager(masks=[tmp_path / "absent.png"]), distractors=False)
-    results = pipeline.get_average_eval_image_metrics(get_std=True)
-    assert "mask_iou" not in results
-    assert results["num_distractor_gaussians"] == 0
-
-
 def test_a_split_without_evaluation_images_says_what_to_do():
     with pytest.raises(CaptureError, match="--eval-mode"):
         known_pipeline(KnownManager(num_eval=0)).get_average_eval_image_metrics(get_std=True)
@@ -224,14 +208,6 @@ def test_a_trained_run_whose_backend_cannot_draw_on_the_gpu_is_rendered_on_the_c
     pipeline = config.pipeline.setup(device=torch.device("cuda"), test_mode="test")
     assert pipeline.device.type == "cpu"
     assert "has no nvcc" in " ".join(capsys.readouterr().out.split())
-
-
-def test_a_run_that_trains_stays_on_its_device(tiny_run, tmp_path: Path, monkeypatch):
-    def where_to_render(*_: object) -> str:
-        raise AssertionError("the device was asked for")
-
-    monkeypatch.setattr("desplat_ns.training.pipeline.where_to_render", where_to_render)
-    assert tiny_run(tmp_path).pipeline.setup(device="cpu").device.type == "cpu"
 
 
 # --- checkpoints ---------------------------------------------------------------------------------

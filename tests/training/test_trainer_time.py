@@ -71,10 +71,3 @@ def test_time_is_told_before_the_first_step_and_then(
     assert [int(step) for step, *_ in told] == steps
     for step, left in told:
         assert seconds_of(left) == pytest.approx(SECONDS * (24 - int(step)), abs=15)
-
-
-def test_a_run_that_goes_on_tells_what_is_left(timed, capsys):
-    first = timed(max_num_iterations=6)
-    capsys.readouterr()
-    timed("on", load_dir=first.checkpoint_dir)
-    assert "About 3 min on this machine for 18 steps." in capsys.readouterr().out

@@ -22,7 +22,7 @@ class OfScene(OfRun):
     """Keep what is at most so many times as far from a camera as that camera looks (the median
     depth of what it shows); 2 keeps the scene and drops what floats far beyond it."""
     light: str | None = None
-    """Whose light is shown: `photo.jpg`, or a mix `a.jpg:0.7,b.jpg:0.3`; else the average."""
+    """Whose light is shown, as `photo.jpg`; else the average."""
     overwrite: bool = False
     """Replace the file if it is there."""
 

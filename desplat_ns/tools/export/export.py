@@ -18,7 +18,7 @@ from desplat_ns.core.run_files import RunFiles
 from desplat_ns.core.whole import plain_errors, whole_folder, write_whole
 from desplat_ns.data.images import read_mask, resize_mask
 from desplat_ns.model import DeSplatModel
-from desplat_ns.photo_tourism.shown_light import mixed_light
+from desplat_ns.photo_tourism.shown_light import light_of
 from desplat_ns.tools.commands.export import Masks, Splats
 from desplat_ns.tools.export.allowed_views import allowed_views, seen_by_any
 from desplat_ns.tools.export.formats import UPRIGHT, format_of
@@ -170,7 +170,7 @@ def shown_in(model: DeSplatModel, light: str | None) -> Any:
         raise ConfigError(
             f"--light is '{light}', but this run has the same light in every photo. Leave it out."
         )
-    return model.shown_in(mixed_light(light, model.names, effects, "--light"))
+    return model.shown_in(light_of(light, model.names, effects, "--light"))
 
 
 def reach_of(view: View, rasterize: Callable[[View], Rendering]) -> float | None:

@@ -103,7 +103,7 @@ class PageScene:
     """How much each of its Gaussians makes up of the photos; asked for if not all fit."""
     background: Color
     light: str
-    """Whose light is shown: a photo, a mix, or `AVERAGE`; empty where all photos have the same."""
+    """Whose light is shown: a photo, or `AVERAGE`; empty where all photos have the same."""
     cameras: Sequence[PageCamera]
     pictures: Sequence[tuple[str, Rgb]]
     """Renderings with their names, for browsers that cannot draw the scene."""
