@@ -7,6 +7,7 @@ knows. Letters in shapes: V views, P points.
 """
 
 import threading
+import time
 import weakref
 from collections.abc import Sequence
 from contextlib import suppress
@@ -25,6 +26,7 @@ from desplat_ns.backend.protocol import View
 from desplat_ns.cameras.near_plane import sampled
 from desplat_ns.cameras.view_pairs import homographies, lower_median, views_beside
 from desplat_ns.cameras.views import image_points, in_image, views_of
+from desplat_ns.core.console import about, announce
 from desplat_ns.core.devices import to_device
 from desplat_ns.separation.grid import fine_grid_of, pooled
 
@@ -62,6 +64,9 @@ DARKEST = 8
 
 MOST = 254
 """Of 255, how much colours differ at the most: 255 is left for what a photo does not show."""
+
+QUIET = 5.0
+"""Seconds of sweeping, in all, after which a line says how long it takes."""
 
 CPU = torch.device("cpu")
 
@@ -202,6 +207,7 @@ class PlaneSweep:
         self._worker: threading.Thread | None = None
         self._tried = set[int]()
         """Photos that the thread has swept, or met an error in."""
+        self._seconds = 0.0
         points = torch.empty(0, 3) if points is None else points
         self._points = sampled(points, MAX_POINTS).cpu()
 
@@ -227,8 +233,13 @@ class PlaneSweep:
         self._work_ahead(device)
         with self._locks[index]:
             if index not in self._unexplained:
+                before, started = self._seconds, time.monotonic()
                 found = self._sweep(index)
                 self._unexplained[index] = None if found is None else to_device(found, device)
+                self._seconds += time.monotonic() - started
+                if before <= QUIET < self._seconds:
+                    photos, each = len(self.photos), self._seconds / len(self._unexplained)
+                    announce(f"Plane sweep of {photos} photos: {about(photos * each)}, once a run.")
             return self._unexplained[index]
 
     def state(self) -> dict[int, Tensor]:
