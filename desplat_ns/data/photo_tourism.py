@@ -7,7 +7,6 @@ from pathlib import Path
 from nerfstudio.plugins.registry_dataparser import DataParserSpecification
 
 from desplat_ns.core.console import announce_once, list_names
-from desplat_ns.core.options import ranged
 from desplat_ns.data.colmap import DeSplatColmapDataParser, OwnSplitConfig
 from desplat_ns.data.colmap_model import find_models
 from desplat_ns.data.split_file import draw_split, find_split_file, read_split_file
@@ -15,9 +14,6 @@ from desplat_ns.data.splits import Lists
 
 DENSE = Path("dense")
 """Folder of undistorted photos and their reconstruction, side by side, in the data."""
-
-TEST_FRACTION = 0.1
-"""Share of photos that is held out where there is no split file."""
 
 
 @dataclass
@@ -34,18 +30,13 @@ class PhotoTourismDataParserConfig(OwnSplitConfig):
     split_file: Path | None = None
     """NeRF-W's split file, relative to the data: filename, id, split, with tabs between. Without
     this option the .tsv file in the data or in dense/ that has these columns."""
-    test_fraction: float | None = ranged(None, "(0, 1)")
-    """Hold out this share of all photos, drawn at random, whatever split files there are. Without
-    this option, 0.1 where there is no split file."""
-    seed: int = 0
-    """Chooses the photos that --test-fraction holds out."""
 
 
 class PhotoTourismDataParser(DeSplatColmapDataParser):
     """See `PhotoTourismDataParserConfig`."""
 
     config: PhotoTourismDataParserConfig
-    split_by = "the split file, or --test-fraction and --seed"
+    split_by = "the split file; without one a tenth is drawn for testing"
 
     def __init__(self, config: PhotoTourismDataParserConfig):
         super().__init__(with_paths(config))
@@ -53,15 +44,10 @@ class PhotoTourismDataParser(DeSplatColmapDataParser):
     def lists(self, names: Sequence[str]) -> Lists:
         """By the split file, or drawn; says once how. Raises CaptureError as `find_split_file` and
         `read_split_file`."""
-        config, fraction, path = self.config, self.config.test_fraction, None
-        if fraction is None:
-            named = config.split_file
-            path = config.data / named if named else find_split_file(split_folders(config.data))
-        if path is not None:
-            lists, how = read_split_file(path), f"by {path}"
-        else:
-            lists = draw_split(names, fraction or TEST_FRACTION, config.seed)
-            how = "drawn by --test-fraction and --seed"
+        data, named = self.config.data, self.config.split_file
+        path = data / named if named else find_split_file(split_folders(data))
+        lists = read_split_file(path) if path is not None else draw_split(names)
+        how = f"by {path}" if path is not None else "drawn, as there is no split file"
         train, test = lists["train"], lists["test"]
         announce_once(
             f"Split, {how}: of {len(names)} photos {len(train)} train, and {len(test)} are for "

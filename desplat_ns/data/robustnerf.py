@@ -25,8 +25,6 @@ class RobustNerfDataParserConfig(OwnSplitConfig):
     train_split_clean_clutter_ratio: float = ranged(1.0, "[0, 1]")
     """0 trains on clean photos only, 1 on cluttered ones only; between, each viewpoint is taken
     once, this fraction of them cluttered. Photos with `extra` in the file name are held out."""
-    seed: int = 0
-    """Chooses which viewpoints are cluttered."""
 
 
 class RobustNerfDataParser(DeSplatColmapDataParser):
@@ -37,8 +35,7 @@ class RobustNerfDataParser(DeSplatColmapDataParser):
 
     def lists(self, names: Sequence[str]) -> Lists:
         """Each photo by what its name says."""
-        config = self.config
-        train = names_by_ratio(names, config.train_split_clean_clutter_ratio, config.seed)
+        train = names_by_ratio(names, self.config.train_split_clean_clutter_ratio)
         return {"train": train, "test": [name for name in names if kind_of(name) == "extra"]}
 
 
@@ -56,24 +53,24 @@ def viewpoint_of(name: str) -> str:
     return after[0].strip("_-. ") or before.strip("_-. ") if after else before
 
 
-def names_by_ratio(names: Sequence[str], ratio: float, seed: int) -> list[str]:
+def names_by_ratio(names: Sequence[str], ratio: float) -> list[str]:
     """Training photos, each viewpoint once: the fraction `ratio` cluttered, the rest clean.
 
     Of the viewpoints that have both twins, round(ratio * n) are taken cluttered and the others
     clean. Of those that have one photo only, round(ratio * n) of the cluttered and
-    round((1 - ratio) * n) of the clean ones are taken. The order in which viewpoints turn cluttered
-    depends on `seed` alone: a larger ratio keeps those of a smaller one.
+    round((1 - ratio) * n) of the clean ones are taken. A larger ratio keeps the cluttered
+    viewpoints of a smaller one.
     """
     groups: dict[str, dict[str, list[str]]] = {"clean": {}, "clutter": {}, "extra": {}}
     for name in names:
         groups[kind_of(name)].setdefault(viewpoint_of(name), []).append(name)
     clean, clutter = groups["clean"], groups["clutter"]
-    twins = shuffled(clean.keys() & clutter.keys(), seed)
+    twins = shuffled(clean.keys() & clutter.keys())
     num_cluttered = round(ratio * len(twins))
     picked = [clutter[key] for key in twins[:num_cluttered]]
     picked += [clean[key] for key in twins[num_cluttered:]]
     for one_sort, share in ((clutter, ratio), (clean, 1.0 - ratio)):
-        singles = shuffled(one_sort.keys() - set(twins), seed)
+        singles = shuffled(one_sort.keys() - set(twins))
         picked += [one_sort[key] for key in singles[: round(share * len(singles))]]
     return [name for group in picked for name in group]
 

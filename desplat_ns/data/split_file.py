@@ -20,6 +20,9 @@ COLUMNS = ("filename", "id", "split")
 PATTERNS = ("*.tsv", "nerfw_split.csv")
 """Names of split files: NeRF-W's, and the same file as nerfbaselines saves it (with tabs)."""
 
+TEST_FRACTION = 0.1
+"""Share of photos that is held out where there is no split file."""
+
 EMPTY = {"", "nan"}
 """Values of `filename` and `id` that mean "not in the reconstruction"."""
 
@@ -43,7 +46,7 @@ def find_split_file(folders: Sequence[Path]) -> Path | None:
         raise CaptureError(
             f"{len(fitting)} of the files {list_names(map(str, named))} are split files with the "
             f"columns {', '.join(COLUMNS)}; one is needed. Name it with --split-file, relative to "
-            "--data, or hold out photos that are drawn at random with --test-fraction 0.1."
+            "--data."
         )
     return fitting[0] if fitting else None
 
@@ -82,12 +85,8 @@ def read_rows(path: Path) -> list[dict[str, str]]:
         ) from error
 
 
-def draw_split(names: Sequence[str], test_fraction: float, seed: int) -> Lists:
-    """Hold out round(`test_fraction` n) of n photos, at least one, and never all.
-
-    The choice depends on the names and on `seed` alone, not on their order; a larger fraction keeps
-    those of a smaller one.
-    """
-    num_test = min(max(1, round(test_fraction * len(names))), len(names) - 1)
-    drawn = shuffled(names, seed)
+def draw_split(names: Sequence[str]) -> Lists:
+    """Hold out a tenth of the photos, at least one, and never all, by their names alone."""
+    num_test = min(max(1, round(TEST_FRACTION * len(names))), len(names) - 1)
+    drawn = shuffled(names)
     return {"train": drawn[num_test:], "test": drawn[:num_test]}

@@ -71,8 +71,8 @@ def listed_photos(names: Sequence[str], wanted: Sequence[str], source: Path | st
     return sorted({at[0] for at in found if len(at) == 1})
 
 
-def shuffled(keys: Iterable[str], seed: int) -> list[str]:
-    """The keys in an order that depends on them and on `seed` alone."""
+def shuffled(keys: Iterable[str]) -> list[str]:
+    """The keys in an order that depends on them alone."""
     ordered = sorted(keys)
-    random.Random(seed).shuffle(ordered)
+    random.Random(0).shuffle(ordered)
     return ordered

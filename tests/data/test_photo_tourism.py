@@ -79,16 +79,6 @@ def test_without_a_split_file_photos_are_drawn_and_named(scene, capsys):
     assert (len(train), len(test)) == (3, 1)
     assert sorted(train + test) == ["a.jpg", "b.jpg", "c.jpg", "d.jpg"]
     assert capsys.readouterr().out.count(test[0]) == 1
-    drawn = {tuple(names(parser_of(data, seed=seed), "test")) for seed in range(8)}
-    assert len(drawn) > 1
-
-
-def test_a_fraction_that_is_asked_for_comes_before_any_split_file(scene):
-    data = scene()
-    assert len(names(parser_of(data, test_fraction=0.5), "train")) == 2
-    assert len(names(parser_of(data, test_fraction=0.5), "test")) == 2
-    named = parser_of(data, split_file=Path("scene.tsv"), test_fraction=0.5)
-    assert len(names(named, "test")) == 2
 
 
 # --- photos -------------------------------------------------------------------------------------

@@ -42,12 +42,12 @@ def test_the_file_name_says_what_a_photo_shows(name: str, kind: str, viewpoint: 
     assert (kind_of(name), viewpoint_of(name)) == (kind, viewpoint)
 
 
-@given(low=st.floats(0, 1), high=st.floats(0, 1), seed=st.integers(0, 99))
-def test_a_mix_takes_each_viewpoint_once_at_the_ratio(low: float, high: float, seed: int):
+@given(low=st.floats(0, 1), high=st.floats(0, 1))
+def test_a_mix_takes_each_viewpoint_once_at_the_ratio(low: float, high: float):
     """A larger ratio keeps the cluttered photos of a smaller one."""
     cluttered = []
     for ratio in sorted((low, high)):
-        picked = names_by_ratio(NAMES, ratio, seed)
+        picked = names_by_ratio(NAMES, ratio)
         assert sorted(map(viewpoint_of, picked)) == [f"{i:04d}" for i in range(10)]
         cluttered.append({name for name in picked if kind_of(name) == "clutter"})
         assert len(cluttered[-1]) == round(10 * ratio)
@@ -56,9 +56,9 @@ def test_a_mix_takes_each_viewpoint_once_at_the_ratio(low: float, high: float, s
 
 def test_photos_without_a_twin_follow_the_ratio_too():
     singles = ["clean_1", "clean_2", "clean_3", "clean_4", "clutter_5", "clutter_6"]
-    assert sorted(names_by_ratio(singles, 0.0, seed=0)) == singles[:4]
-    assert sorted(names_by_ratio(singles, 1.0, seed=0)) == singles[4:]
-    half = map(kind_of, names_by_ratio(singles, 0.5, 0))
+    assert sorted(names_by_ratio(singles, 0.0)) == singles[:4]
+    assert sorted(names_by_ratio(singles, 1.0)) == singles[4:]
+    half = map(kind_of, names_by_ratio(singles, 0.5))
     assert sorted(half) == ["clean", "clean", "clutter"]
 
 

@@ -1,11 +1,8 @@
 """NeRF-W's split files: found by their columns, read as they are, and refused when they lie."""
 
-import random
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from desplat_ns.core.errors import CaptureError
 from desplat_ns.data.split_file import draw_split, find_split_file, read_rows, read_split_file
@@ -141,21 +138,10 @@ def test_photos_that_the_reconstruction_lacks_are_left_out_and_named(file: Path,
 # --- drawing ------------------------------------------------------------------------------------
 
 
-@settings(max_examples=15)
-@given(
-    n=st.integers(2, 40),
-    fraction=st.floats(0.001, 0.999),
-    seed=st.integers(0, 5),
-    order=st.randoms(use_true_random=False),
-)
-def test_a_drawn_split_covers_all_and_leaves_neither_side_empty(
-    n: int, fraction: float, seed: int, order: random.Random
-):
+@pytest.mark.parametrize("n", [2, 3, 40])
+def test_a_drawn_split_covers_all_and_leaves_neither_side_empty(n: int):
     names = [f"{i}.jpg" for i in range(n)]
-    split = draw_split(names, fraction, seed)
+    split = draw_split(names)
     assert sorted([*split["train"], *split["test"]]) == sorted(names)
-    assert len(split["test"]) == min(max(1, round(fraction * n)), n - 1)
-    again = draw_split(order.sample(names, n), fraction, seed)
-    assert again["test"] == split["test"]
-    larger = draw_split(names, min(0.999, fraction * 1.5), seed)
-    assert set(split["test"]) <= set(larger["test"])
+    assert len(split["test"]) == max(1, n // 10)
+    assert draw_split(names[::-1]) == split
