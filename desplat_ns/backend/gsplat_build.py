@@ -27,7 +27,7 @@ TEXT = """has no CUDA kernels here: {why}
 Compiling them needs nvcc of torch's CUDA, which is {cuda} (`pip install 'desplat-ns[cuda]'` brings
 that of CUDA 13, https://developer.nvidia.com/cuda-downloads any), and g++ with Python's headers
 (`apt install g++ python3-dev`). CUDA_HOME names a toolkit, CXX and CC a compiler, and MAX_JOBS=1
-needs the least memory. `python -m desplat_ns.backend.compile_kernels gsplat` tries again."""
+needs the least memory. `python -m desplat_ns.backend.compile_kernels` tries again."""
 
 
 @cache

@@ -14,7 +14,6 @@ from desplat_ns.backend.constants import EPS2D, FAR_PLANE, NEAR_PLANE
 from desplat_ns.backend.inputs import MIN_QUAT_NORM, check_inputs
 from desplat_ns.backend.projection import cut_at_zero, uncut_colors
 from desplat_ns.backend.protocol import Rendering, RenderSettings, Splats, View
-from desplat_ns.core.errors import BackendUnavailableError
 
 
 class GsplatRasterizer:
@@ -23,16 +22,10 @@ class GsplatRasterizer:
     name = "gsplat"
 
     def __call__(self, splats: Splats, view: View, settings: RenderSettings) -> Rendering:
-        """Rasterize `splats` seen from `view`.
-
-        Raises:
-            BackendUnavailableError: the tensors are not on a CUDA device.
-            ValueError: shapes do not fit, or the dtype is not float32.
-        """
+        """Rasterize `splats` seen from `view`. Raises ValueError: shapes do not fit."""
         from gsplat.rendering import rasterization
 
         check_inputs(splats, view)
-        _check_cuda_float32(splats.means)
         if len(splats.means) == 0:
             return _empty(splats, view, settings)
         means, colors = _with_unsound_behind(splats, view)
@@ -89,21 +82,10 @@ def _is_sound(splats: Splats) -> Bool[Tensor, " N"]:
     return (size < torch.inf) & (norm(splats.quats, dim=-1) > MIN_QUAT_NORM)
 
 
-def _check_cuda_float32(means: Tensor) -> None:
-    if not means.is_cuda:
-        raise BackendUnavailableError(
-            f"Backend 'gsplat' draws on a CUDA device, and these Gaussians are on {means.device}. "
-            "Add `--pipeline.model.backend numba`, or `--machine.device-type cuda`."
-        )
-    if means.dtype != torch.float32:
-        raise ValueError(f"Backend 'gsplat' draws float32, not {means.dtype}; use 'torch'.")
-
-
 def _empty(splats: Splats, view: View, settings: RenderSettings) -> Rendering:
     """What is drawn of no Gaussians: nothing, but differentiable like any other rendering."""
-    channels = 3 if splats.sh_degree is not None else splats.colors.shape[-1]
     nothing = splats.means.sum() + splats.colors.sum()
-    image = nothing.expand(view.height, view.width, channels)
+    image = nothing.expand(view.height, view.width, 3)
     alpha = nothing.expand(view.height, view.width, 1)
     return Rendering(
         rgb=image,

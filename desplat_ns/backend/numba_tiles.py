@@ -36,36 +36,24 @@ _LIMITS = Limits(np.float32(ALPHA_MAX), np.float32(ALPHA_CUTOFF), np.float32(TRA
 
 class NumbaRasterizer:
     """Rasterizes on the CPU with compiled tile kernels, in float32 whatever the dtype of the
-    splats, three channels at a time. See `protocol.Rasterizer`."""
+    splats. See `protocol.Rasterizer`."""
 
     name = "numba"
 
     def __call__(self, splats: Splats, view: View, settings: RenderSettings) -> Rendering:
         """Rasterize `splats` seen from `view`. Differentiable in every tensor of `splats`. Raises
-        ValueError: shapes do not fit together, the camera cannot be, or `absgrad` is asked for with
-        more than three channels."""
+        ValueError: shapes do not fit together, or the camera cannot be."""
         projected = _project(_in_float32(splats), _in_float32(view), settings)
-        colors, channels = projected.colors, projected.colors.shape[1]
-        if channels > 3 and settings.absgrad:
-            raise ValueError(f"Backend 'numba' has absgrad of three channels, not of {channels}.")
-        if channels != 3:
-            colors = torch.nn.functional.pad(colors, (0, -channels % 3))
-        drawn = [
-            _Rasterize.apply(
-                projected.means2d,
-                projected.conics,
-                projected.depths,
-                projected.opacities,
-                three,
-                projected.radii,
-                Grid(view.width, view.height, -(-view.width // TILE), -(-view.height // TILE)),
-                settings.absgrad,
-            )  # type: ignore[misc]  # torch does not annotate Function.apply
-            for three in colors.split(3, dim=1)
-        ]
-        rgb, alpha, depth = drawn[0]
-        if channels != 3:
-            rgb = torch.cat([image for image, _, _ in drawn], dim=-1)[..., :channels]
+        rgb, alpha, depth = _Rasterize.apply(
+            projected.means2d,
+            projected.conics,
+            projected.depths,
+            projected.opacities,
+            projected.colors,
+            projected.radii,
+            Grid(view.width, view.height, -(-view.width // TILE), -(-view.height // TILE)),
+            settings.absgrad,
+        )  # type: ignore[misc]  # torch does not annotate Function.apply
         return Rendering(
             rgb=rgb,
             alpha=alpha,

@@ -47,7 +47,7 @@ class ProjectedSplats:
     """Along the optical axis, world units."""
     opacities: Float[Tensor, " N"]
     """Compensated where the settings ask for antialiasing."""
-    colors: Float[Tensor, "N C"]
+    colors: Float[Tensor, "N 3"]
     """Evaluated for this view, >= 0 where they come from spherical harmonics."""
     radii: Int[Tensor, " N"]
     """3 sigma of the longer axis, rounded up; 0 where culled."""
@@ -90,7 +90,7 @@ def project(splats: Splats, view: View, settings: RenderSettings) -> ProjectedSp
     )
 
 
-def view_colors(splats: Splats, view: View) -> Float[Tensor, "N C"]:
+def view_colors(splats: Splats, view: View) -> Float[Tensor, "N 3"]:
     """Colours seen from `view`: as given, or max(SH + 1/2, 0) where `sh_degree` is set."""
     if splats.sh_degree is None:
         return splats.colors
@@ -100,7 +100,7 @@ def view_colors(splats: Splats, view: View) -> Float[Tensor, "N C"]:
     return cut_at_zero(torch.einsum("nk,nkc->nc", basis, coefficients) + 0.5)
 
 
-def cut_at_zero(colors: Float[Tensor, "N C"]) -> Float[Tensor, "N C"]:
+def cut_at_zero(colors: Float[Tensor, "N 3"]) -> Float[Tensor, "N 3"]:
     """max(c, 0). A colour that is cut gets the gradients against which a step makes it lighter:
     with none, what is black in all views would stay black for ever."""
     return _CutAtZero.apply(colors)  # type: ignore[return-value]

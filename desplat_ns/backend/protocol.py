@@ -1,6 +1,6 @@
 """What a rasterizer takes and gives: the one seam between the model and every backend.
 
-Letters in shapes: N Gaussians, K spherical-harmonics bases, C colour channels, H x W pixels.
+Letters in shapes: N Gaussians, K spherical-harmonics bases, H x W pixels.
 Conventions are gsplat's: EWA splatting, pixel centres at +0.5, OpenCV camera axes
 (x right, y down, z forward), quaternions wxyz.
 """
@@ -23,7 +23,7 @@ class Splats:
     """Standard deviations along the rotated axes, > 0."""
     opacities: Float[Tensor, " N"]
     """In [0, 1]."""
-    colors: Float[Tensor, "N C"] | Float[Tensor, "N K 3"]
+    colors: Float[Tensor, "N 3"] | Float[Tensor, "N K 3"]
     """Final colours, or spherical-harmonics coefficients where `sh_degree` is set."""
     sh_degree: int | None = None
     """Degree to evaluate, (sh_degree + 1)^2 <= K; the evaluated colour is max(SH + 1/2, 0),
@@ -69,7 +69,7 @@ class RenderSettings:
 class Rendering:
     """One rasterized layer."""
 
-    rgb: Float[Tensor, "H W C"]
+    rgb: Float[Tensor, "H W 3"]
     """Colour weighted by alpha, on a black background."""
     alpha: Float[Tensor, "H W 1"]
     """Accumulated opacity, in [0, 1)."""

@@ -50,11 +50,10 @@ class TorchRasterizer:
             absgrad = torch.zeros_like(means2d)
             means2d.absgrad = absgrad  # pyright: ignore[reportAttributeAccessIssue]
         image = _draw(projected, torch.cat(features, dim=-1), view, absgrad)
-        channels = projected.colors.shape[-1]
-        alpha = image[..., channels : channels + 1]
-        depth = image[..., channels + 1 :] / alpha.clamp(min=WEIGHT_MIN)
+        alpha = image[..., 3:4]
+        depth = image[..., 4:] / alpha.clamp(min=WEIGHT_MIN)
         return Rendering(
-            rgb=image[..., :channels],
+            rgb=image[..., :3],
             alpha=alpha,
             depth=depth if settings.depth else None,
             means2d=means2d,

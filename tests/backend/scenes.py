@@ -69,7 +69,6 @@ def random_scene(
     size: tuple[int, int] = (37, 21),
     opacity: tuple[float, float] = (0.05, 0.35),
     sh_degree: int | None = None,
-    channels: int = 3,
 ) -> TestScene:
     """Gaussians of 1 to 6 pixels all over the image and a little beyond its border.
 
@@ -90,7 +89,7 @@ def random_scene(
     means = (means_c - viewmat[:3, 3].double()) @ viewmat[:3, :3].double()
     scales = uniform(count, 3, low=0.5, high=5.0) * (z / K[0, 0].double())[:, None]
     if sh_degree is None:
-        colors = uniform(count, channels)
+        colors = uniform(count, 3)
     else:
         colors = uniform(count, (sh_degree + 1) ** 2, 3, low=-0.4, high=0.4)
     return TestScene(

@@ -11,9 +11,8 @@ import gsplat.rendering
 import pytest
 import torch
 
-from desplat_ns.backend import RenderSettings, gsplat_cuda
+from desplat_ns.backend import RenderSettings
 from desplat_ns.backend.gsplat_cuda import GsplatRasterizer
-from desplat_ns.core.errors import BackendUnavailableError
 from tests.backend.reference import sh_colors
 from tests.backend.scenes import TestScene, random_scene
 
@@ -46,7 +45,6 @@ def scene_of(count: int) -> TestScene:
 def fake(monkeypatch: pytest.MonkeyPatch) -> FakeGsplat:
     fake = FakeGsplat()
     monkeypatch.setattr(gsplat.rendering, "rasterization", fake)
-    monkeypatch.setattr(gsplat_cuda, "_check_cuda_float32", lambda means: None)
     return fake
 
 
@@ -90,16 +88,3 @@ def test_nothing_to_draw_never_reaches_gsplat(fake):
     assert fake.arguments == {} and got.rgb.abs().max() == 0
     assert got.depth is not None and got.depth.shape == (5, 7, 1)
     got.rgb.sum().backward()
-
-
-def test_tensors_on_a_cpu_are_refused_with_what_to_type():
-    scene = scene_of(2)
-    with pytest.raises(BackendUnavailableError, match="backend"):
-        GsplatRasterizer()(scene.splats, scene.view, RenderSettings())
-
-
-@pytest.mark.gpu
-def test_float64_is_refused():
-    scene = random_scene(1).to(torch.float64, "cuda")
-    with pytest.raises(ValueError, match="float32"):
-        GsplatRasterizer()(scene.splats, scene.view, RenderSettings())

@@ -95,8 +95,3 @@ def test_what_changes_in_place_before_the_backward_pass_is_refused(name):
         (rendering.rgb if name == "rgb" else getattr(scene, name)).add_(0.1)
     with pytest.raises(RuntimeError, match="modified by an inplace operation"):
         loss.backward()
-
-
-def test_absgrad_of_more_than_three_channels_is_refused():
-    with pytest.raises(ValueError, match="not of 5"):
-        render(random_scene(27, channels=5).to(torch.float32))

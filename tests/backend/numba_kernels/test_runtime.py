@@ -37,7 +37,7 @@ def test_a_step_loads_every_kernel_and_compiles_none(checkout: Path):
 
 def from_cache() -> dict[str, bool]:
     """Draw and pull back; of each kernel, whether it came from the cache alone, and once."""
-    leaves = random_scene(0, count=3, sh_degree=2, channels=3).to(torch.float32)
+    leaves = random_scene(0, count=3, sh_degree=2).to(torch.float32)
     for settings in (RenderSettings(), RenderSettings(True, True, True)):
         drawn = resolve("numba", "cpu")(leaves.splats, leaves.view, settings)
         image = over_background(drawn.rgb, drawn.alpha, torch.zeros_like(drawn.rgb))
