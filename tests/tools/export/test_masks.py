@@ -12,7 +12,7 @@ from nerfstudio.cameras.cameras import Cameras, CameraType
 
 from desplat_ns.core.errors import CaptureError, ConfigError
 from desplat_ns.data.colmap import DeSplatColmapDataParserConfig
-from desplat_ns.data.images import read_grey
+from desplat_ns.data.images import read_image
 from desplat_ns.tools.export.masks import (
     dilated,
     distractor_mask,
@@ -144,7 +144,7 @@ def test_what_a_capture_shows_is_masked_where_the_photo_that_process_was_given_h
     manager = manager_of(DeSplatColmapDataParserConfig(data=out, eval_mode="all"))
     outputs = manager.train_dataparser_outputs
     for index, (name, bent) in enumerate(photos_on_disk(manager, given)):
-        flat = read_grey(outputs.image_filenames[index])
+        flat = read_image(outputs.image_filenames[index])[..., :3].mean(axis=-1) / 255
         matrix = outputs.cameras[index].get_intrinsics_matrices().numpy()
         ray = (middle_of(flat * (flat > 0.2)) - matrix[:2, 2]) / np.diag(matrix)[:2]
         pinhole, to_photo = pinhole_of(bent)
