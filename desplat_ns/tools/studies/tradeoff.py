@@ -19,7 +19,6 @@ from desplat_ns.tools.studies.runs import Executor, Run
 BASE = "desplat"
 """The method whose options are varied, and its variant of all defaults."""
 SEEDS = (42, 43, 44)
-"""A difference is claimed only where all were measured: `page.verdicts`."""
 LADDER = (0.25, 0.5, 1.0, 2.0, 4.0)
 """Lengths of the base's runs, in lengths of the comparison."""
 SHORTEST = 125

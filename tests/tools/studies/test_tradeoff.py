@@ -1,4 +1,4 @@
-"""A study of a capture with made-up runs: what fits into the time, sessions, what is claimed."""
+"""A study of a capture with made-up runs: what fits into the time, and sessions."""
 
 import re
 from collections.abc import Callable
@@ -11,7 +11,7 @@ from desplat_ns.core.effects import Effects
 from desplat_ns.core.errors import ConfigError, DeSplatError
 from desplat_ns.tools.studies import tradeoff as module
 from desplat_ns.tools.studies.methods import parse
-from desplat_ns.tools.studies.page import corrected, verdicts, write_page
+from desplat_ns.tools.studies.page import gain, write_page
 from desplat_ns.tools.studies.records import FILE, Record, load, open_records
 from desplat_ns.tools.studies.runs import Executor, Run
 from desplat_ns.tools.studies.tradeoff import BASE, GROWTH, SEEDS, SHORTEST, WANTED, Study, compared
@@ -142,10 +142,10 @@ def test_runs_end_up_in_the_file_and_the_page(sit: Sit, time: Time, tmp_path: Pa
     assert len(load(tmp_path / FILE)) == len(time.done) - len(study.failed) > 20
     assert {record.seed for record in study.records.values()} == {42, 43, 44}
     page = write_page(study).read_text()
-    assert "garden" in page and "p &lt; 0.001" in page and "too dark" in page
+    assert "garden" in page and "too dark" in page
     outside = re.findall(r"<script|<link|(?:src|href)=.(?!data:|#)", page)
     assert outside == [], "the page needs no other file"
-    assert "<svg" in page
+    assert "<img" in page
 
 
 @pytest.mark.slow
@@ -162,32 +162,11 @@ def test_another_session_goes_on_with_what_is_missing(sit: Sit, time: Time, tmp_
         module.open_study(Path("/photos/castle"), (), tmp_path, 600.0, Executor())
 
 
-# --- what may be claimed -------------------------------------------------------------------------
+def test_a_difference_is_of_the_same_seeds_and_steps():
+    def scores(*psnr: float) -> dict[int, dict[str, float]]:
+        return {seed: {"psnr": value} for seed, value in zip(SEEDS, psnr, strict=False)}
 
-
-def scores(*psnr: float) -> dict[int, dict[str, float]]:
-    return {seed: {"psnr": value} for seed, value in zip(SEEDS, psnr, strict=False)}
-
-
-def said(*others: dict[int, dict[str, float]], steps: int = 100) -> list[str]:
-    """Of variants beside the base, of 100 steps."""
-    points = {(BASE, 100): scores(20.0, 20.1, 20.2)}
-    found = verdicts(points | {(f"{i}", steps): other for i, other in enumerate(others)})
-    assert found.pop((BASE, 100)) == ""
-    return [*found.values()]
-
-
-def test_a_difference_is_claimed_of_three_seeds_and_for_the_number_of_comparisons():
-    """t = 0.3 sqrt(3) / 0.1 = 5.2: p = 0.035 alone, 0.28 as one of eight."""
-    apart = scores(20.3, 20.5, 20.4)
-    assert said(apart) == ["+0.30 dB, p = 0.035"]
-    assert said(*[apart] * 8) == ["+0.30 dB, not told apart (p = 0.28)"] * 8
-    assert said(apart, scores(25.0)) == ["+0.30 dB, p = 0.035", "+5.00 dB, 1 of 3 seeds: no claim"]
-    assert said(apart, steps=200) == [""], "there is no base to compare it with"
-    assert said(scores(20.0, 20.1, 20.2)) == ["+0.00 dB, not told apart (p = 1)"]
-
-
-def test_holms_correction_is_as_worked_out_by_hand():
-    """4 x 0.01, 3 x 0.02, then 2 x 0.022 and 0.5, but no less than what comes before."""
-    assert corrected([0.02, 0.5, 0.01, 0.022]) == pytest.approx([0.06, 0.5, 0.04, 0.06])
-    assert corrected([]) == [] and corrected([0.7, 0.8]) == [1.0, 1.0]
+    points = {(BASE, 100): scores(20.0, 20.1, 20.2), ("a", 100): scores(20.3, 20.5, 20.4)}
+    points |= {("b", 100): scores(25.0), ("c", 200): scores(20.0)}
+    said = [gain(points, point) for point in points]
+    assert said == ["", "+0.30 (+0.20 to +0.40)", "+5.00", ""]
