@@ -29,8 +29,8 @@ FOLDER = Path("outputs/smoke")
 SHORT = Smoke(steps=100, side=48)
 
 GROUPS: tuple[tuple[TableName, ...], ...] = (
-    ("robustnerf", "on-the-go", "A7", "A8", "A9", "A5"),
-    ("fig9", "A6"),
+    ("robustnerf", "on-the-go", "A7", "A8", "A9"),
+    ("A5", "A6"),
 )
 """What goes into one output folder: those of A7 to A9 share the runs of the first two."""
 

@@ -13,11 +13,10 @@ from functools import cache, reduce
 from pathlib import Path
 from typing import Any, Literal
 
-from desplat_ns.core.errors import ConfigError
 from desplat_ns.core.options import LpipsNet
 from desplat_ns.evaluation.config import ProtocolName
 
-TableName = Literal["robustnerf", "on-the-go", "fig9", "A5", "A6", "A7", "A8", "A9"]
+TableName = Literal["robustnerf", "on-the-go", "A5", "A6", "A7", "A8", "A9"]
 LPIPS_NET: LpipsNet = "alex"
 """The supplement names none. nerfstudio 1.1.4, on which the paper is built (B.3), calls LPIPS
 without naming one, which gives AlexNet."""
@@ -70,15 +69,6 @@ def _scenes(data_set: str, downscale: int | None, names: str, *reader: str) -> l
 
 
 ROBUSTNERF = _scenes("robustnerf", 8, "Statue, Android, Crab (1), Crab (2), Yoda")
-CLUTTERED = [
-    replace(
-        scene,
-        name=f"{scene.name}, {ratio:.0%} cluttered",
-        reader=(*scene.reader, "--train-split-clean-clutter-ratio", str(ratio)),
-    )
-    for scene in ROBUSTNERF[3:]
-    for ratio in (0.0, 0.25, 0.5, 0.75, 1.0)  # ours: the supplement does not name them
-]
 ON_THE_GO = [
     *_scenes("on-the-go", 8, "Mountain, Fountain, Corner"),
     *_scenes("on-the-go", 4, "Patio"),
@@ -102,7 +92,7 @@ class Method:
 
     name: str
     method: str
-    """That nerfstudio knows, or `module:attribute` of a MethodSpecification."""
+    """That nerfstudio knows."""
     paper: str = ""
     """The row of the paper's tables that it stands beside; empty for none."""
     options: tuple[str, ...] = ()
@@ -131,18 +121,6 @@ METHODS = {
 }
 """Splatfacto has its settings in this package, and the appearance model of Splatfacto-W is without
 its masks."""
-
-
-def method_of(name: str) -> Method:
-    """A method of the table above, or `module:attribute`. Raises ConfigError of another name."""
-    if name in METHODS:
-        return METHODS[name]
-    if ":" not in name:
-        raise ConfigError(
-            f"--methods names '{name}'. There are: {', '.join(METHODS)}; another one is named as "
-            "module:attribute of its MethodSpecification."
-        )
-    return Method(name.replace(":", "."), name)
 
 
 @dataclass(frozen=True)
@@ -217,7 +195,6 @@ TABLES: dict[TableName, Table] = {
     for table in (
         Table("robustnerf", "RobustNeRF", ROBUSTNERF, _IMAGES, _MAIN_TEXT),
         Table("on-the-go", "NeRF On-the-go", ON_THE_GO, _IMAGES, _MAIN_TEXT),
-        Table("fig9", "Fig. 9 left: shares of clutter", CLUTTERED, _IMAGES, _MAIN_TEXT),
         Table("A5", "Table A5: Photo Tourism", PHOTO_TOURISM, _IMAGES, methods=_A5),
         Table("A6", "Table A6: Mip-NeRF 360", MIPNERF360, _IMAGES),
         Table("A7", "Table A7: memory", _BOTH, _MEMORY, _MB),

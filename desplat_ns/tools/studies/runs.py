@@ -36,7 +36,7 @@ class Run:
     variant: str
     """What runs that differ in length and seed alone have in common, in a word."""
     method: str
-    """A name that nerfstudio knows, or `module:attribute` of a MethodSpecification."""
+    """A name that nerfstudio knows."""
     options: tuple[str, ...]
     """Of `ns-train`, without length, seed and folders."""
     steps: int
