@@ -64,7 +64,6 @@ def write_page(study: Study) -> Path:
     with plain_errors(study.output):
         text = template(TEMPLATE, spread=spread, values=values).render(
             study=study,
-            left_out=[run.name for run in study.missing if run.name not in study.failed],
             columns={
                 name: of
                 for name, of in COLUMNS.items()
