@@ -20,7 +20,7 @@ from desplat_ns.core.console import announce, time_in_words
 from desplat_ns.tools.studies.paper import METHODS, TABLES, TableName
 from desplat_ns.tools.studies.records import Record
 from desplat_ns.tools.studies.reproduce import Smoke, reproduce
-from desplat_ns.tools.studies.runs import LOG, PICTURES, RESULTS, Executor, Run, execute
+from desplat_ns.tools.studies.runs import LOG, PICTURES, RESULTS, Run, execute
 from desplat_ns.tools.studies.train_and_score import train_and_score
 from lab.reproduce.data_sets import write_data_sets
 
@@ -29,10 +29,10 @@ FOLDER = Path("outputs/smoke")
 SHORT = Smoke(steps=100, side=48)
 
 GROUPS: tuple[tuple[TableName, ...], ...] = (
-    ("robustnerf", "on-the-go", "A7", "A8", "A9"),
+    ("robustnerf", "on-the-go", "A7"),
     ("A5", "A6"),
 )
-"""What goes into one output folder: those of A7 to A9 share the runs of the first two."""
+"""What goes into one output folder: A7 shares the runs of the first two."""
 
 
 def here(run: Run, folder: Path) -> Record:
@@ -58,7 +58,7 @@ def run_tables(folder: Path, names: tuple[TableName, ...]) -> list[str]:
         table, began, wall = TABLES[name], time.process_time(), time.monotonic()
         methods = tuple(METHODS[method] for method in table.methods)
         places = (folder / "data", folder / f"tables-{names[0]}")
-        made = reproduce(table, *places, methods, 1, Executor(do=here), SHORT)
+        made = reproduce(table, *places, methods, 1, SHORT, here)
         wrong += missing_figures(name, made)
         seconds, wall = time.process_time() - began, time.monotonic() - wall
         announce(f"{name}: {seconds:.0f} s of CPU time, {wall:.0f} s on the clock.")

@@ -19,13 +19,12 @@ class Arguments:
     """Train and score what a table of the paper needs, and write it with the paper's figures
     beside, as Markdown and JSON.
 
-    What is done already in the output folder is gone on with; tables of the same runs (A7, A8, A9)
-    share them there. `desplat-fetch-data` downloads the data sets.
+    What is done already in the output folder is gone on with; A7 shares the runs of the
+    tables of its data sets there. `desplat-fetch-data` downloads the data sets.
     """
 
     table: Annotated[TableName, tyro.conf.Positional]
-    """robustnerf, on-the-go: PSNR, SSIM, LPIPS. A5: Photo Tourism. A6: Mip-NeRF 360. A7: memory.
-    A8: training time. A9: rendering speed."""
+    """robustnerf, on-the-go: PSNR, SSIM, LPIPS. A5: Photo Tourism. A6: Mip-NeRF 360. A7: memory."""
     data: Path = Path("data")
     """Folder with the data sets, as `desplat-fetch-data` makes it."""
     output: Path = Path("reproduced")
@@ -34,8 +33,6 @@ class Arguments:
     """That are compared, without any those of the table; also others that ns-train knows."""
     seeds: int = ranged(1, "[1, inf)")
     """Trainings of each method on each scene, whose figures are averaged."""
-    jobs: int = ranged(1, "[1, inf)")
-    """Trainings beside each other. Times and speeds (A8, A9) are to be measured alone."""
     smoke: bool = False
     """Try everything in minutes: 100 steps, photos of 160 pixels. The figures mean nothing."""
 
@@ -54,7 +51,6 @@ class Arguments:
 
         from desplat_ns.tools.studies.methods import method_config  # seconds: not before the checks
         from desplat_ns.tools.studies.reproduce import Smoke, reproduce
-        from desplat_ns.tools.studies.runs import Executor
 
         names = list(dict.fromkeys(self.methods or table.methods))
         if unknown := [name for name in names if name not in {*METHODS, *all_methods}]:
@@ -66,8 +62,8 @@ class Arguments:
                 "This machine has no GPU, on which the runs are meant to be done. Add --smoke to "
                 "try the same with few steps and small photos."
             )
-        executor, smoke = Executor(self.jobs), Smoke() if self.smoke else None
-        folder = reproduce(table, self.data, self.output, methods, self.seeds, executor, smoke)
+        smoke = Smoke() if self.smoke else None
+        folder = reproduce(table, self.data, self.output, methods, self.seeds, smoke)
         announce(f"Written: {folder / 'table.md'}, and table.json beside it.")
 
 

@@ -1,22 +1,21 @@
 """The paper's tables: data sets as they are trained on and scored, methods, metrics, and the
-figures of Tables A5 to A9 of its supplement.
+figures of Tables A5 to A7 of its supplement. A8 and A9 are times of a Tesla V100.
 
 `paper.txt` has a line for each row: table and metrics, row, and the figures scene by scene in the
-order of `TABLES`, a dash where the paper has one. A7 to A9 have the mean behind them. A8 is in
-minutes:seconds. The mean of Splatfacto's eleven figures of A9 is 94.10; the paper prints 94.01.
+order of `TABLES`, a dash where the paper has one. A7 has the mean behind them.
 """
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cache, reduce
+from functools import cache
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 from desplat_ns.core.options import LpipsNet
 from desplat_ns.evaluation.config import ProtocolName
 
-TableName = Literal["robustnerf", "on-the-go", "A5", "A6", "A7", "A8", "A9"]
+TableName = Literal["robustnerf", "on-the-go", "A5", "A6", "A7"]
 LPIPS_NET: LpipsNet = "alex"
 """The supplement names none. nerfstudio 1.1.4, on which the paper is built (B.3), calls LPIPS
 without naming one, which gives AlexNet."""
@@ -132,23 +131,11 @@ class Metric:
     score: str
     """Of the evaluation, from which it comes."""
     form: str = ".2f"
-    """How tables write it; `m:ss` is minutes:seconds."""
-    is_rate: bool = False
-    """Whether it is one over the evaluation's score."""
+    """How tables write it."""
 
-    def of(self, scores: Mapping[str, Any]) -> float | None:
-        """Its value; None where the evaluation has no such score."""
-        value = scores.get(self.score)
-        return 1 / value if self.is_rate and value else value
-
-    def text(self, value: float | int | None, sign: str = "") -> str:
+    def text(self, value: float | None, sign: str = "") -> str:
         """As tables write it; with `sign` "+" also a positive value has its sign."""
-        if value is None:
-            return "-"
-        if self.form != "m:ss":
-            return format(value, sign + self.form)
-        minutes, seconds = divmod(round(abs(value)), 60)
-        return f"{'-' if value < 0 else sign}{minutes}:{seconds:02d}"
+        return "-" if value is None else format(value, sign + self.form)
 
 
 _IMAGES = (
@@ -159,13 +146,6 @@ _IMAGES = (
 _MEMORY = (
     Metric("static_mb", "Static Gaussians, MB (10^6 bytes)", "static_memory_mb"),
     Metric("distractor_mb", "Distractor Gaussians, MB (10^6 bytes)", "distractor_memory_mb"),
-)
-_STEPS = "Training steps, minutes:seconds, without set-up and evaluation"
-_TIME = (Metric("train_seconds", _STEPS, "train_wall_seconds", "m:ss"),)
-_SCORED = "Images per second, rendered and scored, as ns-eval counts them (App. C.2)"
-_SPEED = (
-    Metric("fps_with_metrics", _SCORED, "seconds_per_image_with_metrics", is_rate=True),
-    Metric("fps", "Images per second, rendered alone", "seconds_per_image_render", is_rate=True),
 )
 
 
@@ -186,7 +166,6 @@ class Table:
 
 _MAIN_TEXT = "The paper's figures are in its main text; this package has those of the supplement."
 _MB = "The paper does not say which MB it means."
-_V100 = "The paper's are of a Tesla V100 (B.3)."
 _BOTH = (*ROBUSTNERF, *ON_THE_GO)
 _LIT = tuple(name for name, method in METHODS.items() if method.has_light)
 _A5 = (*_LIT[:3], "splatfacto", *_LIT[3:])
@@ -198,8 +177,6 @@ TABLES: dict[TableName, Table] = {
         Table("A5", "Table A5: Photo Tourism", PHOTO_TOURISM, _IMAGES, methods=_A5),
         Table("A6", "Table A6: Mip-NeRF 360", MIPNERF360, _IMAGES),
         Table("A7", "Table A7: memory", _BOTH, _MEMORY, _MB),
-        Table("A8", "Table A8: training time", _BOTH, _TIME, _V100),
-        Table("A9", "Table A9: rendering speed", _BOTH, _SPEED, _V100),
     )
 }
 """By the name that is typed."""
@@ -208,8 +185,7 @@ TABLES: dict[TableName, Table] = {
 @cache
 def figures_of(table: TableName) -> dict[tuple[str, str, str], float | None]:
     """All figures of a table, by row, scene or `MEAN`, and metric; none of one that is in the main
-    text. Rows are called as in the text: DeSplat, and DeSplat-A without background. A8 in seconds.
-    """
+    text. Rows are called as in the text: DeSplat, and DeSplat-A without background."""
     figures: dict[tuple[str, str, str], float | None] = {}
     columns = [*(scene.name for scene in TABLES[table].scenes), MEAN]
     for line in Path(__file__).with_suffix(".txt").read_text("utf8").splitlines():
@@ -217,12 +193,6 @@ def figures_of(table: TableName) -> dict[tuple[str, str, str], float | None]:
         name, *metrics = of.split()
         if name == table:
             places = [(row, scene, metric) for scene in columns for metric in metrics]
-            figures |= zip(places, map(_number, values.split()), strict=False)  # A5, A6: no mean
+            found = (None if word == "-" else float(word) for word in values.split())
+            figures |= zip(places, found, strict=False)  # A5, A6: no mean
     return figures
-
-
-def _number(word: str) -> float | None:
-    """A figure, or the seconds of `minutes:seconds` or `hours:minutes:seconds`; None of a dash."""
-    if word == "-":
-        return None
-    return reduce(lambda total, part: 60 * total + part, map(float, word.split(":")))

@@ -1,15 +1,13 @@
-"""Runs: a method with options, trained and scored in a process of its own on one thread. Those
-without a record are done and recorded."""
+"""Runs: a method with options, trained and scored in a process of its own. Those without a record
+are done and recorded."""
 
 import json
-import os
 import shlex
 import shutil
 import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterable
-from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,8 +17,6 @@ from desplat_ns.core.errors import CaptureError, DeSplatError
 from desplat_ns.tools.studies.machine import today
 from desplat_ns.tools.studies.records import FILE, RUNS, Key, Record, save
 
-ONE_THREAD = {"OMP_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1", "OMP_WAIT_POLICY": "passive"}
-"""So that runs beside each other disturb each other little: waiting threads sleep."""
 QUIET = ("--experiment-name", "x", "--timestamp", "run", "--vis", "tensorboard")
 QUIET += ("--steps-per-eval-image", "0", "--steps-per-eval-all-images", "0")
 """Options of ns-train: folders of known names, no viewer, no evaluation on the way."""
@@ -70,12 +66,12 @@ Do = Callable[[Run, Path], Record]
 
 
 def in_own_process(method: str, options: list[str], folder: Path) -> dict[str, Any]:
-    """A `Train` in a process of one thread. Raises DeSplatError that names its log."""
+    """A `Train` in a process of its own. Raises DeSplatError that names its log."""
     line = [sys.executable, "-m", PROGRAM, str(folder / RESULTS), method, *options]
     piped: dict[str, Any] = {"stdin": subprocess.PIPE, "stderr": subprocess.STDOUT}
     with (
         (folder / LOG).open("w") as log,
-        subprocess.Popen(line, stdout=log, env=os.environ | ONE_THREAD, **piped) as process,
+        subprocess.Popen(line, stdout=log, **piped) as process,
     ):
         status = process.wait()  # its stdin stays open as long as this process is there
     if status != 0:
@@ -105,48 +101,34 @@ def execute(run: Run, folder: Path, train: Train = in_own_process) -> Record:
     return Record(results["commit"], today(), *run.key, scores, seconds, results["device_name"])
 
 
-@dataclass(frozen=True)
-class Executor:
-    """What does runs."""
+def finish(
+    runs: Iterable[Run],
+    records: dict[Key, Record],
+    output: Path,
+    left: Callable[[], str] = str,
+    do: Do = execute,
+) -> dict[str, str]:
+    """Do all runs that have no record, record each as it ends, and say so; why some failed, by
+    name. Raises ConfigError where records cannot be written.
 
-    jobs: int = 1
-    """Runs beside each other."""
-    do: Do = execute
-
-    def finish(
-        self,
-        runs: Iterable[Run],
-        records: dict[Key, Record],
-        output: Path,
-        left: Callable[[], str] = str,
-    ) -> dict[str, str]:
-        """Do all runs that have no record, record each as it ends, and say so; why some failed, by
-        name. Raises ConfigError where records cannot be written.
-
-        Args:
-            runs: the next is asked for when there is a place for it.
-            records: those in the output folder; new ones are added.
-            left: says after each run what is left.
-        """
-        failed, folder = dict[str, str](), (output / RUNS).resolve()
-        coming = (run for run in runs if run.key not in records)
-        pending: dict[Future[Record], Run] = {}
-        folder.mkdir(parents=True, exist_ok=True)
-        with ThreadPoolExecutor(self.jobs) as pool:
-            while True:
-                while len(pending) < self.jobs and (run := next(coming, None)) is not None:
-                    pending[pool.submit(self.do, run, folder)] = run
-                if not pending:
-                    return failed
-                for future in wait(pending, return_when=FIRST_COMPLETED).done:
-                    run = pending.pop(future)
-                    try:
-                        records[run.key] = record = future.result()
-                    except Exception as error:
-                        kind = "" if isinstance(error, DeSplatError) else type(error).__name__
-                        failed[run.name] = f"{kind}: {error}".removeprefix(": ")
-                        announce(f"{run.name}: {failed[run.name]}", warning=True)
-                    else:
-                        save(output / FILE, records.values())
-                        score = f"{record.scores['psnr']:.2f} dB after {record.seconds:.0f} s"
-                        announce(f"{run.name}: {score}. {left()}")
+    Args:
+        runs: the next is asked for when the one before is done.
+        records: those in the output folder; new ones are added.
+        left: says after each run what is left.
+    """
+    failed, folder = dict[str, str](), (output / RUNS).resolve()
+    for run in runs:
+        if run.key in records:
+            continue
+        try:
+            record = do(run, folder)
+        except Exception as error:
+            kind = "" if isinstance(error, DeSplatError) else type(error).__name__
+            failed[run.name] = f"{kind}: {error}".removeprefix(": ")
+            announce(f"{run.name}: {failed[run.name]}", warning=True)
+            continue
+        records[run.key] = record
+        save(output / FILE, records.values())
+        score = f"{record.scores['psnr']:.2f} dB after {record.seconds:.0f} s"
+        announce(f"{run.name}: {score}. {left()}")
+    return failed

@@ -14,7 +14,7 @@ from desplat_ns.core.whole import only_process_in
 from desplat_ns.survey.survey import decided_effects
 from desplat_ns.tools.studies.methods import content_of, method_config, splits_of
 from desplat_ns.tools.studies.records import Key, Record, open_records
-from desplat_ns.tools.studies.runs import Executor, Run
+from desplat_ns.tools.studies.runs import Do, Run, execute, finish
 
 BASE = "desplat"
 """The method whose options are varied, and its variant of all defaults."""
@@ -41,15 +41,15 @@ class Study:
     output: Path
     seconds: float
     """Of wall time, for the whole study."""
-    executor: Executor
     records: dict[Key, Record]
+    do_run: Do = execute
     failed: dict[str, str] = field(default_factory=dict)
     """Why a run has no record, by its name."""
 
     def __post_init__(self) -> None:
         self.planned = self.plan(method_config(BASE).nominal_num_iterations)
         earlier = sum(record.seconds for record in self.records.values())
-        self._began = time.monotonic() - earlier / self.executor.jobs
+        self._began = time.monotonic() - earlier
 
     @property
     def spent(self) -> float:
@@ -96,7 +96,7 @@ class Study:
         def left() -> str:
             return f"Spent: {self.spent / 60:.0f} of {self.seconds / 60:.0f} min."
 
-        return self.executor.finish(runs, self.records, self.output, left)
+        return finish(runs, self.records, self.output, left, self.do_run)
 
     def do(self) -> None:
         """Do the runs that are not done and for which time is left. Raises DeSplatError where the
@@ -107,7 +107,7 @@ class Study:
 
 
 def tradeoff(
-    data: Path, parser: tuple[str, ...], output: Path, seconds: float, executor: Executor
+    data: Path, parser: tuple[str, ...], output: Path, seconds: float, do_run: Do = execute
 ) -> Path:
     """Do a study as far as its time goes, earlier sessions included, and write its page; where that
     is. Raises as `open_study` and `Study.do`."""
@@ -115,13 +115,13 @@ def tradeoff(
 
     with only_process_in(output):
         compile_kernels("auto", default_device())  # no part of the time that was given
-        study = open_study(data, parser, output, seconds, executor)
+        study = open_study(data, parser, output, seconds, do_run)
         study.do()
         return write_page(study)
 
 
 def open_study(
-    data: Path, parser: tuple[str, ...], output: Path, seconds: float, executor: Executor
+    data: Path, parser: tuple[str, ...], output: Path, seconds: float, do_run: Do = execute
 ) -> Study:
     """What an output folder holds of the study of a capture, or a new one; the capture is surveyed.
     Raises CaptureError where nothing is held out, ConfigError where the folder has another one."""
@@ -134,7 +134,7 @@ def open_study(
     train, test = splits_of(BASE, data, parser, "train", "test")
     effects = decided_effects(method_config(BASE).pipeline.model.effects, train)[0].settled()
     content = content_of(train, test)
-    return Study(data, parser, content, effects, output, seconds, executor, records)
+    return Study(data, parser, content, effects, output, seconds, records, do_run)
 
 
 def compared(base: Effects) -> dict[str, tuple[str, tuple[str, ...]]]:

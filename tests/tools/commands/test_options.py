@@ -72,12 +72,8 @@ def test_options_that_cannot_be_are_named(tmp_path: Path):
     ):
         with pytest.raises(ConfigError, match=option):
             command.main()
-    for option, study in (
-        ("--time", tradeoff.Arguments(photos, time="soon")),
-        ("--jobs", tradeoff.Arguments(photos, jobs=-1)),
-    ):
-        with pytest.raises(ConfigError, match=option):
-            study.main(())
+    with pytest.raises(ConfigError, match="--time"):
+        tradeoff.Arguments(photos, time="soon").main(())
     with pytest.raises(CaptureError, match="photos"):
         tradeoff.Arguments(photos).main(())
 

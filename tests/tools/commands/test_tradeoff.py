@@ -9,7 +9,7 @@ import pytest
 from desplat_ns.core.errors import CaptureError
 from desplat_ns.tools.studies import tradeoff as module
 from desplat_ns.tools.studies.records import FILE, RUNS, load
-from desplat_ns.tools.studies.runs import PICTURES, Executor, Run
+from desplat_ns.tools.studies.runs import PICTURES, Run
 from desplat_ns.tools.studies.tradeoff import Study, tradeoff
 from lab.reproduce.smoke import here
 from lab.synthetic import Scene
@@ -29,7 +29,7 @@ def test_a_study_trains_scores_and_reports(tiny_scene: Scene, tmp_path: Path, mo
         return [replace(run, steps=4) for run in runs[:3]]
 
     monkeypatch.setattr(Study, "plan", few)
-    given = (tiny_scene.folder, PARSER, tmp_path / "out", 3600.0, Executor(do=here))
+    given = (tiny_scene.folder, PARSER, tmp_path / "out", 3600.0, here)
     page = tradeoff(*given)
     records = load(tmp_path / "out" / FILE)
     assert [record.options.split()[1] for record in records.values()] == ["4"] * 3
@@ -47,4 +47,4 @@ def test_a_capture_that_cannot_be_scored_is_refused(tiny_scene: Scene, tmp_path:
         photo.unlink()
     for data, named in ((folder, "test split"), (tmp_path / "absent", "absent")):
         with pytest.raises(CaptureError, match=named):
-            module.open_study(data, PARSER, tmp_path / "out", 60.0, Executor())
+            module.open_study(data, PARSER, tmp_path / "out", 60.0)

@@ -9,7 +9,7 @@ from desplat_ns.core.errors import DeSplatError
 from desplat_ns.tools.studies import runs as module
 from desplat_ns.tools.studies.machine import code_version
 from desplat_ns.tools.studies.records import FILE, Key, Record, load
-from desplat_ns.tools.studies.runs import Executor, Run, execute
+from desplat_ns.tools.studies.runs import Run, execute, finish
 from lab.synthetic import Scene
 from tests.helpers.made_up_runs import made_up
 
@@ -39,7 +39,7 @@ def program(tmp_path: Path, monkeypatch):
     """Put a line of Python in the place of the program that trains and scores."""
 
     def put(line: str) -> None:
-        (tmp_path / "probe.py").write_text(f"import json, os, sys\n{line}\n")
+        (tmp_path / "probe.py").write_text(f"import json, sys\n{line}\n")
 
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     monkeypatch.setattr(module, "PROGRAM", "probe")
@@ -50,14 +50,9 @@ def writing(figures: str) -> str:
     return f"json.dump(dict({REST!r}, figures={figures}), open(sys.argv[1], 'w'))"
 
 
-def test_the_process_has_one_thread_and_its_numbers_and_texts_are_kept(
-    program, monkeypatch, tmp_path: Path
-):
-    for name in (names := ("OMP_WAIT_POLICY", "OMP_NUM_THREADS", "NUMBA_NUM_THREADS")):
-        monkeypatch.delenv(name, raising=False)
-    program(writing("{**os.environ, 'psnr': 1.5, 'images': [1], 'versions': {'a': '1'}}"))
+def test_numbers_and_texts_of_the_process_are_kept(program, tmp_path: Path):
+    program(writing("{'psnr': 1.5, 'images': [1], 'versions': {'a': '1'}}"))
     record = execute(run_on(tmp_path), tmp_path / "runs")
-    assert [record.scores[name] for name in names] == ["passive", "1", "1"]
     assert record.scores["psnr"] == 1.5 and record.scores["versions"] == "a 1"
     assert "images" not in record.scores
     given = "--max-num-iterations 3 --pipeline.model.num-downscales 0 robustnerf-data"
@@ -90,14 +85,14 @@ def failing(run: Run, folder: Path) -> Record:
 
 def test_runs_are_recorded_and_those_that_fail_leave_the_others(tmp_path: Path):
     records = dict[Key, Record]()
-    failed = Executor(jobs=2, do=failing).finish(RUNS, records, tmp_path)
+    failed = finish(RUNS, records, tmp_path, do=failing)
     assert failed == {"a-9-1": "too dark"} and sorted(key[-1] for key in records) == [0, 2, 3]
     assert load(tmp_path / FILE) == records
-    assert Executor(do=made_up).finish(RUNS, records, tmp_path) == {}
+    assert finish(RUNS, records, tmp_path, do=made_up) == {}
     assert [key[-1] for key in load(tmp_path / FILE)][3:] == [1], "nothing is done twice"
 
 
-def test_the_next_run_is_asked_for_when_there_is_a_place_for_it(tmp_path: Path):
+def test_the_next_run_is_asked_for_when_the_one_before_is_done(tmp_path: Path):
     """So that who gives the runs may go by the clock."""
     events = []
 
@@ -110,5 +105,5 @@ def test_the_next_run_is_asked_for_when_there_is_a_place_for_it(tmp_path: Path):
         events.append(("done", run.seed))
         return made_up(run, folder)
 
-    Executor(do=do).finish(coming(), {}, tmp_path)
+    finish(coming(), {}, tmp_path, do=do)
     assert events == [(what, seed) for seed in range(4) for what in ("asked", "done")]

@@ -13,7 +13,7 @@ from desplat_ns.tools.studies import tradeoff as module
 from desplat_ns.tools.studies.methods import parse
 from desplat_ns.tools.studies.page import gain, write_page
 from desplat_ns.tools.studies.records import FILE, Record, load, open_records
-from desplat_ns.tools.studies.runs import Executor, Run
+from desplat_ns.tools.studies.runs import Run
 from desplat_ns.tools.studies.tradeoff import BASE, GROWTH, SEEDS, Study, compared
 from tests.helpers.made_up_runs import made_up
 
@@ -22,7 +22,7 @@ pytestmark = pytest.mark.usefixtures("tyro_may_build")
 
 def study_of(seconds: float, records=None, output: Path = Path(), do=made_up) -> Study:
     capture = Path("/photos/garden"), ("colmap",), "20 photos train", Effects()
-    return Study(*capture, output, seconds, Executor(do=do), records or {})
+    return Study(*capture, output, seconds, records or {}, do)
 
 
 @pytest.fixture
@@ -156,7 +156,7 @@ def test_another_session_goes_on_with_what_is_missing(sit: Sit, time: Time, tmp_
     sit(1200.0)
     assert time.done and not set(time.done) & set(before)
     with pytest.raises(ConfigError, match="/photos/garden"):
-        module.open_study(Path("/photos/castle"), (), tmp_path, 600.0, Executor())
+        module.open_study(Path("/photos/castle"), (), tmp_path, 600.0)
 
 
 def test_a_difference_is_of_the_same_seeds_and_steps():
