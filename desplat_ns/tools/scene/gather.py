@@ -1,6 +1,6 @@
-"""From a trained run to what its page shows, in a few of the photos' lights.
+"""From a trained run to what its page shows.
 
-Letters in shapes: N Gaussians, H x W pixels.
+Letters in shapes: N Gaussians.
 """
 
 import os
@@ -28,7 +28,7 @@ from desplat_ns.model import DeSplatModel
 from desplat_ns.photo_tourism.shown_light import VARIABLE
 from desplat_ns.tools.export.export import reach_of, shown_in, static_cloud
 from desplat_ns.tools.export.formats import Y_UP
-from desplat_ns.tools.export.splat_cloud import Similarity, SplatCloud, baked, harmonics_of
+from desplat_ns.tools.export.splat_cloud import Similarity, SplatCloud, baked
 from desplat_ns.tools.loading import LoadedRun, even_subset
 from desplat_ns.training.pipeline import DeSplatPipeline
 
@@ -36,8 +36,6 @@ AVERAGE = "the photos' average"
 """Whose light is shown where none was chosen."""
 PICTURES = 6
 """Renderings for browsers that cannot draw the scene."""
-MORE_LIGHTS = 3
-"""Photos' lights beside the one that is shown first, evenly chosen."""
 WEIGHING_VIEWS = 30
 """Training views in which Gaussians are weighed, evenly chosen."""
 Rgb = UInt8[np.ndarray, "_ _ 3"]
@@ -80,17 +78,6 @@ class PageCamera:
 
 
 @dataclass(frozen=True)
-class Light:
-    """A light in which the scene can be shown: a photo's."""
-
-    name: str
-    background: Color
-    """Behind everything."""
-    harmonics: Float[np.ndarray, "N K 3"]
-    """Of the scene's Gaussians, as `SplatCloud.harmonics`."""
-
-
-@dataclass(frozen=True)
 class PageScene:
     """All that is on a page."""
 
@@ -107,8 +94,6 @@ class PageScene:
     cameras: Sequence[PageCamera]
     pictures: Sequence[tuple[str, Rgb]]
     """Renderings with their names, for browsers that cannot draw the scene."""
-    other_lights: Sequence[Light] = ()
-    """To choose from beside it."""
     not_shown: str = ""
     """In words, which photos are not on the page."""
 
@@ -125,7 +110,7 @@ def scene_of(
     there is no photo to start from, ConfigError where no Gaussians are left."""
     pipeline = run.pipeline
     model, manager = pipeline.model, pipeline.datamanager
-    cloud, rows = static_cloud(pipeline, crop, light)
+    cloud = static_cloud(pipeline, crop, light)
     totals = len(manager.train_image_names), len(manager.eval_dataset)
     training, held_out = map(even_subset, totals, (most_training, most_held_out))
     if not training and not held_out:
@@ -162,7 +147,6 @@ def scene_of(
                 (cameras[i].name, _picture(model, cameras[i].view, shown))
                 for i in even_subset(len(cameras), PICTURES)
             ],
-            other_lights=other_lights(model, rows, cameras[0].view),
             not_shown=not_shown,
         )
 
@@ -231,21 +215,6 @@ def light_of(model: DeSplatModel, light: str | None) -> str:
     if model.effects.appearance == "camera":
         return AVERAGE
     return text_of(light or os.environ.get(VARIABLE) or AVERAGE)
-
-
-def other_lights(model: DeSplatModel, rows: Tensor, view: View) -> list[Light]:
-    """Lights of a few photos, over the Gaussians in `rows` [N]; none where Gaussians have the same
-    colours in every light. The background's mean colour in `view` stands for it."""
-    effects, lights = model.image_effects, list[Light]()
-    if effects.appearance is None:
-        return lights
-    for photo in even_subset(len(model.names), MORE_LIGHTS):
-        embedding = effects.of(photo)
-        background = mean_background(model, view, embedding)
-        with model.shown_in(embedding):
-            harmonics = harmonics_of(model.shown_splats(rows))
-        lights.append(Light(text_of(model.names[photo]), background, harmonics))
-    return lights
 
 
 def mean_background(model: DeSplatModel, view: View, embedding: Tensor) -> Color:
