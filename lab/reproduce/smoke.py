@@ -11,17 +11,12 @@ import json
 import shutil
 import sys
 import time
-from contextlib import redirect_stderr, redirect_stdout
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any
 
 from desplat_ns.core.console import announce, time_in_words
 from desplat_ns.tools.studies.paper import METHODS, TABLES, TableName
-from desplat_ns.tools.studies.records import Record
 from desplat_ns.tools.studies.reproduce import Smoke, reproduce
-from desplat_ns.tools.studies.runs import LOG, PICTURES, RESULTS, Run, execute
-from desplat_ns.tools.studies.train_and_score import train_and_score
 from lab.reproduce.data_sets import write_data_sets
 
 FOLDER = Path("outputs/smoke")
@@ -35,22 +30,6 @@ GROUPS: tuple[tuple[TableName, ...], ...] = (
 """What goes into one output folder: A7 shares the runs of the first two."""
 
 
-def here(run: Run, folder: Path) -> Record:
-    """Do a run in this process, so that nothing is imported and compiled anew for each. Nothing
-    keeps runs from one another's leftovers."""
-    from nerfstudio.utils import writer
-
-    def train(method: str, options: list[str], draft: Path) -> dict[str, Any]:
-        for kept in (writer.EVENT_WRITERS, writer.EVENT_STORAGE, writer.GLOBAL_BUFFER):
-            kept.clear()  # nerfstudio 1.1.5 keeps those of earlier runs
-        with (draft / LOG).open("w") as file, redirect_stdout(file), redirect_stderr(file):
-            results = train_and_score(method, options, draft / PICTURES)
-        (draft / RESULTS).write_text(json.dumps(results))
-        return results
-
-    return execute(run, folder, train)
-
-
 def run_tables(folder: Path, names: tuple[TableName, ...]) -> list[str]:
     """What went wrong, in words; says how long each table took."""
     wrong = []
@@ -58,7 +37,7 @@ def run_tables(folder: Path, names: tuple[TableName, ...]) -> list[str]:
         table, began, wall = TABLES[name], time.process_time(), time.monotonic()
         methods = tuple(METHODS[method] for method in table.methods)
         places = (folder / "data", folder / f"tables-{names[0]}")
-        made = reproduce(table, *places, methods, 1, SHORT, here)
+        made = reproduce(table, *places, methods, 1, SHORT)
         wrong += missing_figures(name, made)
         seconds, wall = time.process_time() - began, time.monotonic() - wall
         announce(f"{name}: {seconds:.0f} s of CPU time, {wall:.0f} s on the clock.")

@@ -39,7 +39,7 @@ class Record:
     scores: Mapping[str, Any]
     """Numbers and texts of the evaluation, by its names."""
     seconds: float | int
-    """Wall time of the process from its start to its end."""
+    """Wall time with set-up and evaluation."""
     device: str
     """Name of the GPU, or of the processor."""
 

@@ -71,9 +71,9 @@ class Study:
         ]
 
     def expected(self, run: Run) -> float:
-        """Wall seconds of a run, from the start of its process to the end, by the longest one of
-        its variant that is done, or of the base: the first run is done. Imports, reading photos and
-        evaluation take as long as there, each step as long as one there."""
+        """Wall seconds of a run, by the longest one of its variant that is done, or of the base:
+        the first run is done. Reading photos and evaluation take as long as there, each step as
+        long as one there."""
         done = [each for each in self.planned if each.key in self.records]
         alike = [each for each in done if each.variant == run.variant]
         base = [each for each in done if each.variant == BASE]

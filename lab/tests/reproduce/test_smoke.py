@@ -8,9 +8,9 @@ import pytest
 from desplat_ns.tools.studies.paper import METHODS, TABLES
 from desplat_ns.tools.studies.records import FILE, Record, load
 from desplat_ns.tools.studies.reproduce import Smoke, reproduce
-from desplat_ns.tools.studies.runs import Run
+from desplat_ns.tools.studies.runs import Run, execute
 from lab.reproduce.data_sets import TINY, write_on_the_go, write_robustnerf
-from lab.reproduce.smoke import GROUPS, here, missing_figures
+from lab.reproduce.smoke import GROUPS, missing_figures
 from lab.synthetic import make_scene
 
 pytestmark = [pytest.mark.usefixtures("tyro_may_build"), pytest.mark.slow]
@@ -34,14 +34,14 @@ def test_a_killed_smoke_table_of_two_data_sets_goes_on_and_is_the_same(data: Pat
         if left[0] == 0:
             raise KeyboardInterrupt
         left[0] -= 1
-        return here(run, folder)
+        return execute(run, folder)
 
     def folder_of(name: str, do) -> Path:
         methods = (METHODS["desplat-paper"], METHODS["splatfacto"])
         output = tmp_path / name
         return reproduce(TABLES["A7"], data, output, methods, 1, SMOKE, do)
 
-    whole = json.loads((folder_of("whole", here) / "table.json").read_text())
+    whole = json.loads((folder_of("whole", execute) / "table.json").read_text())
     assert {cell["scene"] for cell in whole["cells"]} == {"Yoda", "Patio-High", "mean"}
     assert {cell["metric"] for cell in whole["cells"]} == {"static_mb", "distractor_mb"}
     conditions = whole["conditions"]
@@ -51,7 +51,7 @@ def test_a_killed_smoke_table_of_two_data_sets_goes_on_and_is_the_same(data: Pat
     with pytest.raises(KeyboardInterrupt):
         folder_of("out", killed)
     assert len(load(tmp_path / "out" / FILE)) == 2
-    again = json.loads((folder_of("out", here) / "table.json").read_text())
+    again = json.loads((folder_of("out", execute) / "table.json").read_text())
     assert again["cells"] == whole["cells"]
 
 

@@ -11,7 +11,6 @@ from desplat_ns.tools.studies import tradeoff as module
 from desplat_ns.tools.studies.records import FILE, RUNS, load
 from desplat_ns.tools.studies.runs import PICTURES, Run
 from desplat_ns.tools.studies.tradeoff import Study, tradeoff
-from lab.reproduce.smoke import here
 from lab.synthetic import Scene
 
 pytestmark = pytest.mark.usefixtures("tyro_may_build")
@@ -29,7 +28,7 @@ def test_a_study_trains_scores_and_reports(tiny_scene: Scene, tmp_path: Path, mo
         return [replace(run, steps=4) for run in runs[:3]]
 
     monkeypatch.setattr(Study, "plan", few)
-    given = (tiny_scene.folder, PARSER, tmp_path / "out", 3600.0, here)
+    given = (tiny_scene.folder, PARSER, tmp_path / "out", 3600.0)
     page = tradeoff(*given)
     records = load(tmp_path / "out" / FILE)
     assert [record.options.split()[1] for record in records.values()] == ["4"] * 3

@@ -1,7 +1,7 @@
-"""A run is trained and scored in a process of its own; runs without a record are done and
-recorded, wherever that is."""
+"""A run is trained and scored; runs without a record are done and recorded."""
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -12,8 +12,6 @@ from desplat_ns.tools.studies.records import FILE, Key, Record, load
 from desplat_ns.tools.studies.runs import Run, execute, finish
 from lab.synthetic import Scene
 from tests.helpers.made_up_runs import made_up
-
-REST = {"commit": "c", "device_name": "a CPU"}
 
 
 def run_on(folder: Path | None) -> Run:
@@ -35,43 +33,41 @@ def test_a_run_gives_scores_and_says_of_which_code_and_on_what(tiny_scene: Scene
 
 
 @pytest.fixture
-def program(tmp_path: Path, monkeypatch):
-    """Put a line of Python in the place of the program that trains and scores."""
+def trained(monkeypatch):
+    """Put figures in the place of training and scoring, or an error."""
 
-    def put(line: str) -> None:
-        (tmp_path / "probe.py").write_text(f"import json, sys\n{line}\n")
+    def put(result: dict[str, Any] | Exception) -> None:
+        def stand_in(*_: Any) -> tuple[dict[str, Any], str]:
+            print("a step")
+            if isinstance(result, Exception):
+                raise result
+            return result, "a CPU"
 
-    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
-    monkeypatch.setattr(module, "PROGRAM", "probe")
+        monkeypatch.setattr(module, "train_and_score", stand_in)
+
     return put
 
 
-def writing(figures: str) -> str:
-    return f"json.dump(dict({REST!r}, figures={figures}), open(sys.argv[1], 'w'))"
-
-
-def test_numbers_and_texts_of_the_process_are_kept(program, tmp_path: Path):
-    program(writing("{'psnr': 1.5, 'images': [1], 'versions': {'a': '1'}}"))
+def test_numbers_and_texts_of_the_evaluation_are_kept(trained, tmp_path: Path):
+    trained({"psnr": 1.5, "images": [1], "versions": {"a": "1"}})
     record = execute(run_on(tmp_path), tmp_path / "runs")
-    assert record.scores["psnr"] == 1.5 and record.scores["versions"] == "a 1"
-    assert "images" not in record.scores
+    assert record.scores == {"psnr": 1.5, "versions": "a 1"}
     given = "--max-num-iterations 3 --pipeline.model.num-downscales 0 robustnerf-data"
     assert record.key == ("desplat", given, str(tmp_path), 42)
 
 
-def test_a_run_replaces_an_earlier_one_and_leaves_its_log_where_it_fails(program, tmp_path: Path):
+def test_a_run_replaces_an_earlier_one_and_leaves_its_log_where_it_fails(trained, tmp_path: Path):
     earlier = tmp_path / "runs" / "ours-3-42"
     earlier.mkdir(parents=True)
     (earlier / "old.png").touch()
     with pytest.raises(DeSplatError, match="/absent"):
         execute(run_on(None), tmp_path / "runs")
-    program("sys.exit('no')")
-    with pytest.raises(DeSplatError, match=r"run\.log"):
+    trained(ValueError("too dark"))
+    with pytest.raises(ValueError, match="too dark"):
         execute(run_on(tmp_path), tmp_path / "runs")
-    assert "no" in (earlier / "run.log").read_text()
-    program(writing("{}"))
-    execute(run_on(tmp_path), tmp_path / "runs")
-    assert sorted(path.name for path in earlier.iterdir()) == ["results.json", "run.log"]
+    log = (earlier / "run.log").read_text()
+    assert "a step" in log and "too dark" in log
+    assert [path.name for path in earlier.iterdir()] == ["run.log"]
 
 
 RUNS = [Run("a", "desplat", (), 9, seed, Path("/photos")) for seed in range(4)]
