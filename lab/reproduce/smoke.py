@@ -56,7 +56,7 @@ def missing_figures(name: TableName, folder: Path) -> list[str]:
         for scene in table.scenes
         if (scene.name, method, metric.name) not in there
         and (metric.name != "lpips" or has_lpips)
-        and (metric.name != "distractor_mb" or method.startswith("desplat"))
+        and (metric.name != "distractor_memory_mb" or method.startswith("desplat"))
     ]
 
 

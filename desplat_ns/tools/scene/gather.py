@@ -39,8 +39,6 @@ PICTURES = 6
 WEIGHING_VIEWS = 30
 """Training views in which Gaussians are weighed, evenly chosen."""
 Rgb = UInt8[np.ndarray, "_ _ 3"]
-Color = tuple[float, float, float]
-"""In [0, 1]."""
 TO_PAGE = Similarity(np.asarray(Y_UP, np.float64), 1.0, np.zeros(3))
 """From nerfstudio's coordinates to the page's, where y is up; the scale stays that of training."""
 
@@ -88,7 +86,8 @@ class PageScene:
     """The static scene, in the coordinates of training."""
     weigh: Callable[[SplatCloud], Float[np.ndarray, " N"]]
     """How much each of its Gaussians makes up of the photos; asked for if not all fit."""
-    background: Color
+    background: Sequence[float]
+    """Behind everything: the mean of what is behind the first photo, three in [0, 1]."""
     light: str
     """Whose light is shown: a photo, a mix, or `AVERAGE`; empty where all photos have the same."""
     cameras: Sequence[PageCamera]
@@ -135,12 +134,13 @@ def scene_of(
             cameras.append(_page_camera(model, camera, batch["image"], names[index], None))
             advance()
         shown = model.embedding_of(None)
+        behind = model.background_of(cameras[0].view, shown).reshape(-1, 3).mean(dim=0)
         return PageScene(
             title=str(run.config.experiment_name),
             date=date.fromtimestamp(run.checkpoint.stat().st_mtime).isoformat(),
             cloud=cloud,
             weigh=lambda splats: _weights(pipeline, splats),
-            background=mean_background(model, cameras[0].view, shown),
+            background=behind.clamp(0, 1).tolist(),
             light=light_of(model, light),
             cameras=cameras,
             pictures=[
@@ -215,10 +215,3 @@ def light_of(model: DeSplatModel, light: str | None) -> str:
     if model.effects.appearance == "camera":
         return AVERAGE
     return text_of(light or os.environ.get(VARIABLE) or AVERAGE)
-
-
-def mean_background(model: DeSplatModel, view: View, embedding: Tensor) -> Color:
-    """Colour that stands for what is behind everything in a view."""
-    colors = model.background_of(view, embedding).reshape(-1, 3)
-    red, green, blue = colors.mean(dim=0).clamp(0, 1).tolist()
-    return red, green, blue

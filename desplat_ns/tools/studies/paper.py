@@ -127,9 +127,8 @@ class Metric:
     """A figure of a table."""
 
     name: str
+    """Of the evaluation's score."""
     title: str
-    score: str
-    """Of the evaluation, from which it comes."""
     form: str = ".2f"
     """How tables write it."""
 
@@ -139,13 +138,13 @@ class Metric:
 
 
 _IMAGES = (
-    Metric("psnr", "PSNR, dB, the higher the better", "psnr"),
-    Metric("ssim", "SSIM, the higher the better", "ssim", ".3f"),
-    Metric("lpips", "LPIPS, the lower the better", "lpips", ".3f"),
+    Metric("psnr", "PSNR, dB, the higher the better"),
+    Metric("ssim", "SSIM, the higher the better", ".3f"),
+    Metric("lpips", "LPIPS, the lower the better", ".3f"),
 )
 _MEMORY = (
-    Metric("static_mb", "Static Gaussians, MB (10^6 bytes)", "static_memory_mb"),
-    Metric("distractor_mb", "Distractor Gaussians, MB (10^6 bytes)", "distractor_memory_mb"),
+    Metric("static_memory_mb", "Static Gaussians, MB (10^6 bytes)"),
+    Metric("distractor_memory_mb", "Distractor Gaussians, MB (10^6 bytes)"),
 )
 
 

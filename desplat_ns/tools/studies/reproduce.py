@@ -181,7 +181,7 @@ def cells_of(grid: Grid, records: dict[Key, Record]) -> dict[tuple[str, str, str
     for metric, method in product(grid.table.metrics, grid.methods):
         columns = {
             scene: [
-                done.get((scene, method.name, seed), {}).get(metric.score) for seed in grid.seeds
+                done.get((scene, method.name, seed), {}).get(metric.name) for seed in grid.seeds
             ]
             for scene in scenes
         }

@@ -28,7 +28,7 @@ class Run:
     """A method, trained on a capture for some steps with a seed, and scored."""
 
     variant: str
-    """What runs that differ in length and seed alone have in common, in a word."""
+    """A word that runs share which differ in length and seed alone."""
     method: str
     """A name that nerfstudio knows."""
     options: tuple[str, ...]

@@ -43,7 +43,10 @@ def test_a_killed_smoke_table_of_two_data_sets_goes_on_and_is_the_same(data: Pat
 
     whole = json.loads((folder_of("whole", execute) / "table.json").read_text())
     assert {cell["scene"] for cell in whole["cells"]} == {"Yoda", "Patio-High", "mean"}
-    assert {cell["metric"] for cell in whole["cells"]} == {"static_mb", "distractor_mb"}
+    assert {cell["metric"] for cell in whole["cells"]} == {
+        "static_memory_mb",
+        "distractor_memory_mb",
+    }
     conditions = whole["conditions"]
     assert conditions["steps"] == [4] and conditions["versions"]
     assert "Patio-High" in conditions["scenes"][1] and " 0 points" in conditions["scenes"][1]
@@ -58,10 +61,10 @@ def test_a_killed_smoke_table_of_two_data_sets_goes_on_and_is_the_same(data: Pat
 def test_every_table_is_tried_and_a_figure_that_is_missing_is_named(tmp_path: Path):
     assert sorted(name for group in GROUPS for name in group) == sorted(TABLES)
     cells = [
-        {"scene": scene.name, "method": method, "metric": "static_mb"}
+        {"scene": scene.name, "method": method, "metric": "static_memory_mb"}
         for scene in TABLES["A7"].scenes
         for method in TABLES["A7"].methods
     ]
     content = {"cells": cells[1:], "conditions": {"LPIPS net": []}}
     (tmp_path / "table.json").write_text(json.dumps(content))
-    assert missing_figures("A7", tmp_path)[0] == "A7 has no static_mb of desplat on Statue."
+    assert missing_figures("A7", tmp_path)[0] == "A7 has no static_memory_mb of desplat on Statue."

@@ -30,7 +30,7 @@ ABSENT = ["--load-config", "absent.yml"]
 @pytest.mark.parametrize(
     ("command", "arguments", "status", "words"),
     [
-        ("evaluate", ["--help"], 0, "--learning-rate"),
+        ("evaluate", ["--help"], 0, "--lpips-net"),
         ("evaluate", ABSENT, 1, "absent.yml"),
         ("report", ["--help"], 0, "--held-out-photos"),
         ("report", ABSENT, 1, "absent.yml"),
