@@ -9,8 +9,7 @@ from desplat_ns.core.errors import CaptureError, DeSplatError
 
 
 def method_config(method: str) -> Any:
-    """A copy of the configuration of a method that nerfstudio knows. Raises KeyError where there is
-    none."""
+    """A copy of the configuration of a method of nerfstudio's. Raises KeyError of another name."""
     from nerfstudio.configs.method_configs import all_methods  # takes seconds: not for `--help`
 
     return copy.deepcopy(all_methods[method])

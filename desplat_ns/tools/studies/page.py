@@ -2,7 +2,7 @@
 
 import base64
 import io
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from itertools import cycle
 from pathlib import Path
 from statistics import median
@@ -12,8 +12,7 @@ from matplotlib.figure import Figure
 
 from desplat_ns.core.pages import template
 from desplat_ns.core.whole import plain_errors, write_whole
-from desplat_ns.tools.studies.records import Key, Record, conditions_of
-from desplat_ns.tools.studies.runs import Run
+from desplat_ns.tools.studies.records import conditions_of
 from desplat_ns.tools.studies.tradeoff import BASE, Study, compared
 
 TEMPLATE = Path(__file__).with_name("page.html.jinja")
@@ -35,11 +34,11 @@ Point = tuple[str, int]
 """A variant and a length."""
 
 
-def measured(runs: Iterable[Run], records: Mapping[Key, Record]) -> dict[Point, Scores]:
-    """What has a record of at least one seed: the base's lengths, then the other variants."""
+def measured(study: Study) -> dict[Point, Scores]:
+    """What has a record of at least one seed, the shortest first."""
     points: dict[Point, dict[int, Mapping[str, Any]]] = {}
-    for run in sorted(runs, key=lambda run: (run.variant != BASE, run.steps)):
-        if (record := records.get(run.key)) is not None:
+    for run in sorted(study.planned, key=lambda run: run.steps):
+        if (record := study.records.get(run.key)) is not None:
             points.setdefault((run.variant, run.steps), {})[run.seed] = record.scores
     return dict(points)
 
@@ -60,15 +59,11 @@ def gain(points: Mapping[Point, Scores], point: Point) -> str:
 
 def write_page(study: Study) -> Path:
     """Write the page; where it is. Raises ConfigError where it cannot."""
-    page, points = study.output / "report.html", measured(study.planned, study.records)
+    page, points = study.output / "report.html", measured(study)
     with plain_errors(study.output):
         text = template(TEMPLATE, spread=spread, values=values).render(
             study=study,
-            columns={
-                name: of
-                for name, of in COLUMNS.items()
-                if any(values(scores, name) for scores in points.values())
-            },
+            columns=COLUMNS,
             variants=compared(study.effects),
             points=points,
             gains={point: gain(points, point) for point in points},

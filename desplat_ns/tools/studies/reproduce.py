@@ -81,8 +81,7 @@ def reproduce(
     do: Do = execute,
 ) -> Path:
     """Run what a table needs of the data sets in a folder, and write it; the folder that holds it.
-    Raises as `open_records` and `find_contents`, and DeSplatError where runs failed; the table is
-    written without them."""
+    Raises DeSplatError, also where runs failed; the table is written without them."""
     with only_process_in(output):
         records = open_records(output)
         contents = find_contents(table, data, smoke)

@@ -1,6 +1,5 @@
-"""`desplat-tradeoff`: what accuracy costs in time on a capture. All variants are trained for a few
-steps, then for twice as many, and so on while time is left. Ended at any time, a study goes on
-where it was."""
+"""`desplat-tradeoff`: what accuracy costs in time. All variants are trained for a few steps, then
+for twice as many, and so on while time is left. Ended at any time, a study goes on where it was."""
 
 import time
 from collections.abc import Iterator
@@ -72,8 +71,7 @@ class Study:
 
     def expected(self, run: Run) -> float:
         """Wall seconds of a run, by the longest one of its variant that is done, or of the base:
-        the first run is done. Reading photos and evaluation take as long as there, each step as
-        long as one there."""
+        all but the steps takes as long as there, each step as long as one there."""
         done = [each for each in self.planned if each.key in self.records]
         alike = [each for each in done if each.variant == run.variant]
         base = [each for each in done if each.variant == BASE]
@@ -103,23 +101,19 @@ class Study:
         self.failed = finish(self.fitting(), *of_study)
 
 
-def tradeoff(
-    data: Path, parser: tuple[str, ...], output: Path, seconds: float, do_run: Do = execute
-) -> Path:
+def tradeoff(data: Path, parser: tuple[str, ...], output: Path, seconds: float) -> Path:
     """Do a study as far as its time goes, earlier sessions included, and write its page; where that
     is. Raises as `open_study` and `Study.do`."""
     from desplat_ns.tools.studies.page import write_page  # which imports this module
 
     with only_process_in(output):
         compile_kernels("auto", default_device())  # no part of the time that was given
-        study = open_study(data, parser, output, seconds, do_run)
+        study = open_study(data, parser, output, seconds)
         study.do()
         return write_page(study)
 
 
-def open_study(
-    data: Path, parser: tuple[str, ...], output: Path, seconds: float, do_run: Do = execute
-) -> Study:
+def open_study(data: Path, parser: tuple[str, ...], output: Path, seconds: float) -> Study:
     """What an output folder holds of the study of a capture, or a new one; the capture is surveyed.
     Raises CaptureError where nothing is held out, ConfigError where the folder has another one."""
     records, data = open_records(output), data.resolve()
@@ -131,7 +125,7 @@ def open_study(
     train, test = splits_of(BASE, data, parser, "train", "test")
     effects = decided_effects(method_config(BASE).pipeline.model.effects, train)[0].settled()
     content = content_of(train, test)
-    return Study(data, parser, content, effects, output, seconds, records, do_run)
+    return Study(data, parser, content, effects, output, seconds, records)
 
 
 def compared(base: Effects) -> dict[str, tuple[str, tuple[str, ...]]]:

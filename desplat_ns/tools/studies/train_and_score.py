@@ -13,10 +13,9 @@ from desplat_ns.tools.studies.methods import parse
 
 
 def train_and_score(method: str, options: list[str], pictures: Path) -> tuple[dict[str, Any], str]:
-    """Train by a method and options of `ns-train`, score, and put pictures into a folder: figures
-    as `ns-eval` writes them, with `train_cpu_seconds` and `train_wall_seconds` of the training
-    steps, without photos, last checkpoint and evaluation; and the name of the device. Raises
-    SystemExit where training was stopped before its last step; such a model is not scored."""
+    """Train by a method and options of `ns-train`, and score: figures as of `ns-eval`, with CPU and
+    wall seconds of the training steps alone, and the device's name. Raises SystemExit where
+    training was stopped before its last step; such a model is not scored."""
     for kept in (writer.EVENT_WRITERS, writer.EVENT_STORAGE, writer.GLOBAL_BUFFER):
         kept.clear()  # nerfstudio 1.1.5 keeps those of earlier runs
     config = parse(method, options)
