@@ -1,9 +1,7 @@
 """Files of a run lie where the capture's own cameras look; a crop keeps what is near to them."""
 
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -15,14 +13,13 @@ from scipy.spatial.transform import Rotation
 
 from desplat_ns.backend.protocol import Rendering, View
 from desplat_ns.core.errors import ConfigError
-from desplat_ns.core.run_files import RunFiles, find_run
+from desplat_ns.core.run_files import find_run
 from desplat_ns.data.transforms_json import TransformsDataParser
 from desplat_ns.tools.commands.export import Splats
-from desplat_ns.tools.export import export
 from desplat_ns.tools.export.export import export_splats, reach_of
-from desplat_ns.tools.export.splat_cloud import OFF_BY
+from desplat_ns.tools.export.formats import Y_UP
+from desplat_ns.tools.export.splat_cloud import OFF_BY, check_precise, moved, similarity_to
 from desplat_ns.tools.loading import load_run
-from desplat_ns.training.datamanager import DeSplatDataManager
 from desplat_ns.viewer import LayerControl
 from tests.helpers.files import write_transforms
 from tests.helpers.scene import psnr
@@ -75,7 +72,7 @@ def test_a_file_in_the_captures_frame_shows_the_scene_to_the_captures_cameras(
 
 @pytest.mark.parametrize("east", [50.0, 465000.5])
 def test_a_nerfstudio_captures_frame_is_that_of_its_own_points(
-    tmp_path: Path, photo_writer: Any, monkeypatch: pytest.MonkeyPatch, east: float
+    tmp_path: Path, photo_writer: Any, east: float
 ):
     """Gaussians at the points of a PLY go back there, whatever `applied_transform` says of the
     world before. In UTM float32 has steps of half a unit, and the Gaussians have 0.05: refused."""
@@ -98,26 +95,16 @@ def test_a_nerfstudio_captures_frame_is_that_of_its_own_points(
     config = NerfstudioDataParserConfig(data=tmp_path, load_3D_points=True)
     parser = TransformsDataParser(config)
     outputs = parser.get_dataparser_outputs("train")
-    dataset = SimpleNamespace(cameras=outputs.cameras)
-    manager: Any = SimpleNamespace(
-        dataparser=parser, train_dataparser_outputs=outputs, train_dataset=dataset
-    )
-    manager.remembered = partial(DeSplatDataManager.remembered, manager)
-    model = SimpleNamespace(effects=SimpleNamespace(background="off"))
-    run = SimpleNamespace(pipeline=SimpleNamespace(datamanager=manager, model=model))
+    transform, scale = outputs.dataparser_transform.numpy(), outputs.dataparser_scale
     trained = replace(
         cloud(count=200),
         means=outputs.metadata["points3D_xyz"].double().numpy(),
-        scales=np.full((200, 3), 0.05 * outputs.dataparser_scale, np.float32),
+        scales=np.full((200, 3), 0.05 * scale, np.float32),
     )
-    monkeypatch.setattr(export, "load_run", lambda files, needs_photos: run)
-    monkeypatch.setattr(export, "static_cloud", lambda *options: (trained, None))
-    output = tmp_path / "a.ply"
-    asked = Splats(output=output, frame="capture")
+    there = moved(trained, similarity_to("capture", transform, scale, Y_UP))
     if east > 1000:
         with pytest.raises(ConfigError, match="--frame upright"):
-            export_splats(RunFiles(tmp_path, tmp_path), asked)
-        return
-    export_splats(RunFiles(tmp_path, tmp_path), asked)
-    means = read_splats(output.read_bytes(), "ply").means
-    assert np.abs(means - points).max() <= OFF_BY * 0.05
+            check_precise(there)
+    else:
+        check_precise(there)
+        assert np.abs(there.means - points).max() <= OFF_BY * 0.05
