@@ -37,7 +37,8 @@ class Arguments:
     """Try everything in minutes: 100 steps, photos of 160 pixels. The figures mean nothing."""
 
     def main(self) -> None:
-        """Check the options, then make the table. Raises DeSplatError."""
+        """Check what can be checked at once, then make the table, say where it is. Raises
+        DeSplatError where an option cannot be, or as `reproduce.reproduce`."""
         check_ranges(self)
         table = TABLES[self.table]
         if not self.data.is_dir():

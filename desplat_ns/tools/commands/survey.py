@@ -29,8 +29,8 @@ class Arguments:
     """Replace this file if it is there."""
 
     def main(self, parser: tuple[str, ...] = ()) -> None:
-        """Survey by a data parser of this name and options, or the recognised one. Raises
-        DeSplatError."""
+        """Survey by a data parser of this name and options, or the recognised one, print and write.
+        Raises DeSplatError where that cannot be; at once where that can be told."""
         if not self.data.exists():
             raise CaptureError(f"There is no '{self.data}'. Name the folder of a capture.")
         file = self.output / "survey.json"

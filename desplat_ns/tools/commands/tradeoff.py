@@ -29,8 +29,8 @@ class Arguments:
     """Folder for the report, records.jsonl and the runs. What is there already is gone on with."""
 
     def main(self, parser: tuple[str, ...]) -> None:
-        """Check the options, then measure by a data parser of this name and options, or the
-        method's own. Raises DeSplatError."""
+        """Check what can be checked at once, then measure by a data parser of this name and
+        options, or the method's own. Raises DeSplatError as `tradeoff.tradeoff`."""
         seconds = seconds_of(self.time, "--time")
         if not self.data.exists():
             raise CaptureError(f"There is no '{self.data}'. Name the folder of a capture.")

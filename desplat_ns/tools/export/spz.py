@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Bool, Float, UInt8, UInt32
 
 from desplat_ns.core.errors import ConfigError
-from desplat_ns.tools.export.splat_cloud import FAR, OFF_BY, SplatCloud
+from desplat_ns.tools.export.splat_cloud import FAR, OFF_BY, SplatCloud, xyzw
 
 MAGIC, VERSION, ANTIALIASED = 0x5053474E, 3, 0x1
 LARGEST = 2**23 - 1
@@ -49,9 +49,9 @@ def spz_bytes(cloud: SplatCloud) -> bytes:
     attributes = (
         _fixed_point(cloud.means, bits),
         _bytes(cloud.opacities * 255),
-        _bytes(cloud.harmonics[:, 0] * (COLOR_SCALE * 255) + 127.5),
+        _zeroth(cloud),
         _bytes((np.log(cloud.scales) + 10) * 16),
-        _smallest_three(np.roll(cloud.quats, -1, axis=1)),
+        _smallest_three(xyzw(cloud.quats)),
         _others(cloud),
     )
     stream = header + b"".join(part.tobytes() for part in attributes)
@@ -95,7 +95,7 @@ def _fixed_point(means: Float[np.ndarray, "N 3"], bits: int) -> UInt8[np.ndarray
 
 
 def _smallest_three(quats: Float[np.ndarray, "N 4"]) -> UInt32[np.ndarray, " N"]:
-    """32 bits of xyzw: which part is largest in magnitude (2), then of the other three, in order, a
+    """32 bits: which part of xyzw is largest in magnitude (2), then of the other three, in order, a
     sign and 9 bits of the magnitude, of which 511 is 1/sqrt(2). The largest counts as positive."""
     rows = np.arange(len(quats))
     largest = np.abs(quats).argmax(axis=1)
@@ -108,6 +108,10 @@ def _smallest_three(quats: Float[np.ndarray, "N 4"]) -> UInt32[np.ndarray, " N"]
     for i in range(3):
         packed = packed << 10 | fields[:, i]
     return packed.astype("<u4")
+
+
+def _zeroth(cloud: SplatCloud) -> UInt8[np.ndarray, "N 3"]:
+    return _bytes(cloud.harmonics[:, 0] * (COLOR_SCALE * 255) + 127.5)
 
 
 def _others(cloud: SplatCloud) -> UInt8[np.ndarray, "N K 3"]:

@@ -100,11 +100,7 @@ def _copy(folder: Path, photo: Photo, copies: Path, longest_side: int) -> tuple[
     path = folder / photo.source
     try:
         image = read_image(path)
-        if PANORAMA.search(path.read_bytes()):
-            raise CaptureError(
-                "a 360-degree picture or panorama: split it into perspective views, for example by "
-                "nerfstudio's `ns-process-data images --camera-type equirectangular`"
-            )
+        check_projection(path)
     except CaptureError as error:
         return replace(photo, problem=str(error)), photo.source
     scale = min(1.0, longest_side / max(image.shape[:2]))
@@ -131,6 +127,15 @@ def write_picture(path: Path, pixels: UInt8[np.ndarray, "H W *C"]) -> None:
     PIL.Image.fromarray(pixels).save(encoded, kind, quality=JPEG_QUALITY, subsampling=0)
     path.parent.mkdir(parents=True, exist_ok=True)
     write_whole(path, encoded.getvalue())
+
+
+def check_projection(path: Path) -> None:
+    """Raise CaptureError of a panorama by its file: no perspective view, so poses would be off."""
+    if PANORAMA.search(path.read_bytes()):
+        raise CaptureError(
+            "a 360-degree picture or panorama: split it into perspective views, for example with "
+            "nerfstudio's `ns-process-data images` or `video` and `--camera-type equirectangular`"
+        )
 
 
 def prepare_masks(mask: Path, photos: Sequence[Photo], copies: Path) -> int:

@@ -20,7 +20,7 @@ from desplat_ns.tools.commands.report import Report
 from desplat_ns.tools.loading import LoadedRun, even_subset, load_run
 from desplat_ns.tools.report.pictures import ERROR_TOP, held_out_photos, training_photos
 from desplat_ns.tools.report.verdict import found_in_words, verdict
-from desplat_ns.tools.report.views import shown_alone
+from desplat_ns.tools.report.views import seen_together
 from desplat_ns.tools.scene.gather import scene_of
 from desplat_ns.tools.scene.page import scene_html
 
@@ -63,6 +63,7 @@ def shown_of(run: LoadedRun, most_training: int, most_held_out: int) -> dict[str
     results, held_out = held_out_photos(pipeline, most_held_out)
     planned = None if config.budget else config.max_num_iterations
     masks = [(photo.covered, photo.shown_anyway) for photo in photos if photo.covered is not None]
+    alone, places = seen_together(pipeline)
     left_out = dict[str, list[str]]()
     data: Any = config.pipeline.datamanager.data
     with suppress(OSError, ValueError, LookupError, TypeError):  # not of desplat-process
@@ -71,7 +72,7 @@ def shown_of(run: LoadedRun, most_training: int, most_held_out: int) -> dict[str
     visits = config.visits * (1 if config.machine.device_type == "cpu" else GPU_VISITS)
     wanted = steps_for_visits(visits, num_photos, config.nominal_num_iterations)
     splits = [each.image_filenames for each in (manager.train_dataset, manager.eval_dataset)]
-    of_photos = masks, left_out, wanted if config.budget else 0, in_both(*splits)
+    of_photos = masks, places, left_out, wanted if config.budget else 0, in_both(*splits)
     said = verdict(run.steps, planned, num_photos, results, *of_photos)
     survey, findings = run.files.folder / SURVEY, None
     with suppress(OSError, ValueError):  # a run may have none
@@ -90,7 +91,7 @@ def shown_of(run: LoadedRun, most_training: int, most_held_out: int) -> dict[str
         "held_out": held_out,
         "results": results,  # empty where none are held out
         "distractors": None if model.distractors is None else model.distractors.config,
-        "alone": shown_alone(pipeline),
+        "alone": alone,
         "effects": model.effects,
         "survey": findings,
         "in_the_way": model.photos_with_distractors(),

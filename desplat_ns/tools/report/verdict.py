@@ -68,6 +68,7 @@ def verdict(
     num_photos: int,
     results: Mapping[str, Any],
     masks: Sequence[tuple[float, float]] = (),
+    places: Sequence[Sequence[str]] = (),
     left_out: Mapping[str, Sequence[str]] | None = None,
     wanted: int = 0,
     twice: Sequence[str] = (),
@@ -79,6 +80,7 @@ def verdict(
         num_photos: training photos.
         results: of the held-out photos, as of `pictures.held_out_photos`; empty without any.
         masks: as in `found_in_words`.
+        places: training photos in groups that show nothing in common (`views.apart`).
         left_out: photos that got no pose, by the reason.
         wanted: steps that so many photos ask for, where a budget set the end.
         twice: held-out photos that train as well.
@@ -86,7 +88,7 @@ def verdict(
     images = results.get("images", [])
     is_blurred = bool(images) and median(image["detail"] for image in images) < BLURRED
     yield from _of_the_run(steps, planned, wanted, num_photos, is_blurred)
-    yield from _of_the_photos(num_photos, twice, left_out or {})
+    yield from _of_the_photos(num_photos, twice, places, left_out or {})
     yield from _of_the_masks(masks)
     yield from _of_held_out(images)
 
@@ -119,6 +121,7 @@ def _of_the_run(
 def _of_the_photos(
     num_photos: int,
     twice: Sequence[str],
+    places: Sequence[Sequence[str]],
     left_out: Mapping[str, Sequence[str]],
 ) -> Said:
     if twice:
@@ -132,6 +135,13 @@ def _of_the_photos(
         yield (
             f"{num_photos} photos are few: what one of them shows, no other may confirm.",
             f"Add photos from other places: {FEW_PHOTOS} at least, better 20.",
+        )
+    if len(places) > 1:
+        groups = "; ".join(list_names(group, 2) for group in places)
+        yield (
+            f"The photos show {len(places)} places that have nothing in common: {groups}.",
+            "Put the photos of each place into a folder of its own, and type "
+            "`desplat FOLDER` for each.",
         )
     if lost := [name for names in left_out.values() for name in names]:
         yield (

@@ -1,4 +1,5 @@
-"""What the training photos see of the scene: which photos to take next.
+"""What the training photos see of the scene: which photos to take next, and whether they are of
+one place.
 
 Letters in shapes: P points, V photos.
 """
@@ -19,18 +20,21 @@ MOST_PHOTOS = 200
 """Training photos; of more, none is looked at: all take minutes, and a part does not tell."""
 SAME_DEPTH = 0.1
 """Share of the rendered depth by which a Gaussian may lie behind it and still be seen."""
+IN_COMMON = 0.02
+"""Share of what a photo shows: two with less in common show different places."""
 MUCH = 0.1
 """Share of what a photo shows. Photos that show more than this alone are named."""
 
 
 @torch.no_grad()
-def shown_alone(pipeline: DeSplatPipeline) -> dict[str, float]:
-    """Training photos that show a part of the scene `alone`."""
+def seen_together(pipeline: DeSplatPipeline) -> tuple[dict[str, float], list[list[str]]]:
+    """What training photos share: what `alone` and `apart` say of them."""
     model, names = pipeline.model, pipeline.datamanager.train_image_names
     points = sampled(model.means[torch.sigmoid(model.opacities[:, 0]) > 0.5], PLACES)
     if len(points) == 0 or not 2 <= len(names) <= MOST_PHOTOS:
-        return {}
-    return alone(names, torch.stack([_shown(pipeline, points, i) for i in range(len(names))]))
+        return {}, [names]
+    shown = torch.stack([_shown(pipeline, points, i) for i in range(len(names))])
+    return alone(names, shown), apart(names, shown)
 
 
 def _shown(
@@ -60,3 +64,18 @@ def alone(names: Sequence[str], shown: Bool[Tensor, "V P"]) -> dict[str, float]:
     shares = (lonely.sum(dim=1) / shown.sum(dim=1).clamp(min=1)).tolist()
     ranked = sorted(zip(shares, names, strict=True), reverse=True)
     return {name: share for share, name in ranked if share > MUCH}
+
+
+def apart(names: Sequence[str], shown: Bool[Tensor, "V P"]) -> list[list[str]]:
+    """Photos in groups, the largest first: two are in one where they show `IN_COMMON` of what the
+    one that shows less does, or others link them. A group of one photo is none. `shown`: as for
+    `alone`."""
+    points = shown.float()
+    fewer = torch.minimum(*torch.broadcast_tensors(points.sum(1), points.sum(1)[:, None]))
+    is_linked = points @ points.T >= IN_COMMON * fewer.clamp(min=1)
+    group = torch.arange(len(names))
+    for _ in names:  # each takes the least number among those that it is linked with
+        least = torch.where(is_linked.cpu(), group, len(names)).amin(dim=1).minimum(group)
+        group = least
+    found = [[n for n, g in zip(names, group, strict=True) if g == one] for one in group.unique()]
+    return sorted((each for each in found if len(each) > 1), key=len, reverse=True)

@@ -2,7 +2,7 @@
 for twice as many, and so on while time is left. Ended at any time, a study goes on where it was."""
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -88,17 +88,20 @@ class Study:
             if run.key not in self.records and self.expected(run) <= self.seconds - self.spent:
                 yield run
 
-    def do(self) -> None:
-        """Do the runs that are not done and for which time is left. Raises DeSplatError where the
-        first run failed, ConfigError where records cannot be written."""
+    def finish(self, runs: Iterable[Run]) -> dict[str, str]:
+        """Do runs that have no record; why some failed."""
 
         def left() -> str:
             return f"Spent: {self.spent / 60:.0f} of {self.seconds / 60:.0f} min."
 
-        of_study = self.records, self.output, left, self.do_run
-        for failure in finish(self.planned[:1], *of_study).values():
+        return finish(runs, self.records, self.output, left, self.do_run)
+
+    def do(self) -> None:
+        """Do the runs that are not done and for which time is left. Raises DeSplatError where the
+        first run failed, ConfigError where records cannot be written."""
+        for failure in self.finish(self.planned[:1]).values():
             raise DeSplatError(f"The first run failed. {failure}")
-        self.failed = finish(self.fitting(), *of_study)
+        self.failed = self.finish(self.fitting())
 
 
 def tradeoff(data: Path, parser: tuple[str, ...], output: Path, seconds: float) -> Path:

@@ -74,7 +74,9 @@ def test_a_mask_is_needless_where_photo_and_scene_are_alike():
     assert shown_anyway(photo, static, torch.zeros_like(mask)) == 0
 
 
-def test_photos_without_a_pose_and_far_worse_ones_are_named():
+def test_other_places_are_named_with_their_photos():
+    (apart,) = said({}, places=[["a.jpg", "b.jpg", "c.jpg"], ["x.jpg", "y.jpg"]])
+    assert "2 places" in apart and "a.jpg, b.jpg and 1 more; x.jpg, y.jpg" in apart
     (lost,) = said({}, left_out={"another place": ["x.jpg", "y.jpg"], "blurred": ["b.jpg"]})
     assert lost.startswith("3 photos have no pose") and "another place" in lost
     (worse,) = said(scores(25, 26, 27, 12))
