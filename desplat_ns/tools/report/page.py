@@ -18,9 +18,9 @@ from desplat_ns.evaluation.config import in_words
 from desplat_ns.evaluation.evaluate import gaussian_counts
 from desplat_ns.tools.commands.report import Report
 from desplat_ns.tools.loading import LoadedRun, even_subset, load_run
-from desplat_ns.tools.report.pictures import ERROR_TOP, held_out_photos, training_photos
+from desplat_ns.tools.report.pictures import ERROR_TOP, held_out_photos, marked, training_photos
 from desplat_ns.tools.report.verdict import found_in_words, verdict
-from desplat_ns.tools.report.views import seen_together
+from desplat_ns.tools.report.views import disputed_places, seen_together
 from desplat_ns.tools.scene.gather import scene_of
 from desplat_ns.tools.scene.page import scene_html
 
@@ -91,6 +91,7 @@ def shown_of(run: LoadedRun, most_training: int, most_held_out: int) -> dict[str
         "held_out": held_out,
         "results": results,  # empty where none are held out
         "distractors": None if model.distractors is None else model.distractors.config,
+        "disputed": disputed_places(model.means, [p.unlike for p in photos if p.unlike]),
         "alone": alone,
         "effects": model.effects,
         "survey": findings,
@@ -102,9 +103,12 @@ def report_html(shown: Mapping[str, Any], scene: str = "") -> str:
     """The page of what `shown_of` gave, with that of the scene on top, if any; photos that are
     covered most come first. Raises ConfigError where pictures do not fit into `SOURCE_BYTES`."""
     training = sorted(shown["training"], key=lambda photo: -(photo.covered or 0.0))
-    photos = [*training, *shown["held_out"]]
+    photos, disputed = [*training, *shown["held_out"]], shown["disputed"]
+    first = [photo for photo in training if disputed and photo.name == disputed.names[0]]
+    told = [marked(photo, disputed.where) for photo in first]
     of_photos = [picture for photo in photos for picture in photo.pictures.values()]
-    sources = iter(fitted_into(of_photos, SOURCE_BYTES - len(scene)))
+    sources = iter(fitted_into([*told, *of_photos], SOURCE_BYTES - len(scene)))
+    where = next(sources) if told else ""
     drawn = [(photo, {name: next(sources) for name in photo.pictures}) for photo in photos]
     shares = {photo.name: photo.covered or 0.0 for photo in training}
     html = template(TEMPLATE, in_words=in_words, list_names=list_names).render(
@@ -115,6 +119,7 @@ def report_html(shown: Mapping[str, Any], scene: str = "") -> str:
         hidden=[name for name, share in shares.items() if share > MUCH],
         much=f"{MUCH:.0%}",
         held_out=drawn[len(training) :],
+        where=where,
         error_top=f"{ERROR_TOP:.0%}",
     )
     return html.replace(SIZE, f"{len(html.encode()) / 1e6:.1f} MB large")
