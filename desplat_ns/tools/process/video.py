@@ -46,8 +46,8 @@ class Frame:
 
 def take_frames(video: Path, folder: Path, most: int) -> list[str]:
     """Write the chosen frames to `folder` as PNG, unless it is there already, whole or not at all;
-    their names, in the video's order. Raises CaptureError where the video cannot be read, or its
-    camera does not move."""
+    their names, in the video's order. Pixels become square by their longer side. Raises
+    CaptureError where the video cannot be read, or its camera does not move."""
     if not folder.is_dir():
         seen = look_at(video)
         chosen = choose(seen, most)
@@ -58,9 +58,12 @@ def take_frames(video: Path, folder: Path, most: int) -> list[str]:
             )
         with draft_of(folder) as draft:
             draft.mkdir()
-            wanted = {frame.index for frame in chosen}
+            wanted, aspect = {frame.index for frame in chosen}, pixel_aspect(video)
             for index, _, pixels in frames_of(video):
                 if index in wanted:
+                    high, wide = pixels.shape[:2]
+                    size = round(wide * max(1.0, aspect)), round(high * max(1.0, 1 / aspect))
+                    pixels = cv2.resize(pixels, size, interpolation=cv2.INTER_CUBIC)
                     encoded = cv2.imencode(".png", pixels)[1].tobytes()
                     (draft / f"frame_{index:06d}.png").write_bytes(encoded)
     return sorted(path.name for path in folder.iterdir())
@@ -110,6 +113,15 @@ def choose(frames: Sequence[Frame], most: int) -> list[Frame]:
         if part not in best or frame.sharpness > best[part].sharpness:
             best[part] = frame
     return [best[part] for part in sorted(best)]
+
+
+def pixel_aspect(video: Path) -> float:
+    """Width of a pixel over its height, in upright frames; 1 where the file says nothing likely."""
+    file = cv2.VideoCapture(str(video), cv2.CAP_FFMPEG)
+    wide, high = file.get(cv2.CAP_PROP_SAR_NUM), file.get(cv2.CAP_PROP_SAR_DEN)
+    if file.get(cv2.CAP_PROP_ORIENTATION_META) % 180 == 90:
+        wide, high = high, wide
+    return wide / high if high > 0 and 0.2 <= wide / high <= 5 else 1.0
 
 
 def frames_of(video: Path) -> Iterator[tuple[int, int, np.ndarray]]:
