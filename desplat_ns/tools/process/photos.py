@@ -14,7 +14,7 @@ from pathlib import Path, PurePosixPath
 import cv2
 import numpy as np
 import PIL.Image
-from jaxtyping import UInt8
+from jaxtyping import Float32, UInt8
 
 from desplat_ns.core.console import list_names, progress_over
 from desplat_ns.core.cores import cores
@@ -32,6 +32,9 @@ FILM_DIAGONAL = 43.2666
 """Millimetres across 35 mm film, which EXIF's focal length is for."""
 PANORAMA = re.compile(rb"""GPano:ProjectionType\s*(=\s*["']|>)\s*(?!rectilinear|perspective)\w""")
 """In XMP, which stands as text in files of any format."""
+ALIKE, DETAIL, POLES = 0.4, 1.5, 0.8
+"""Of `wraps_around`. 36 panoramas of nine real places have 0.63, 3.9 and more of the first two and
+0.68 at most of the last; of 337 crops of photos none has more than 0.31 of the first."""
 
 
 @dataclass(frozen=True)
@@ -100,7 +103,7 @@ def _copy(folder: Path, photo: Photo, copies: Path, longest_side: int) -> tuple[
     path = folder / photo.source
     try:
         image = read_image(path)
-        check_projection(path)
+        check_projection(path, image)
     except CaptureError as error:
         return replace(photo, problem=str(error)), photo.source
     scale = min(1.0, longest_side / max(image.shape[:2]))
@@ -129,13 +132,39 @@ def write_picture(path: Path, pixels: UInt8[np.ndarray, "H W *C"]) -> None:
     write_whole(path, encoded.getvalue())
 
 
-def check_projection(path: Path) -> None:
-    """Raise CaptureError of a panorama by its file: no perspective view, so poses would be off."""
-    if PANORAMA.search(path.read_bytes()):
+def check_projection(path: Path, image: UInt8[np.ndarray, "H W C"]) -> None:
+    """Raise CaptureError of what is no perspective view, so that poses would be off: a panorama by
+    its file, or a 360-degree picture or two fisheye circles, twice as wide as high."""
+    small = cv2.resize(image[..., :3], (512, 256), interpolation=cv2.INTER_AREA).astype(np.float32)
+    is_wide = abs(image.shape[1] - 2 * image.shape[0]) <= 0.005 * image.shape[1]
+    if is_wide and shows_two_circles(small):
+        raise CaptureError("two fisheye circles: make perspective views with the camera's program")
+    if (is_wide and wraps_around(small)) or PANORAMA.search(path.read_bytes()):
         raise CaptureError(
             "a 360-degree picture or panorama: split it into perspective views, for example with "
             "nerfstudio's `ns-process-data images` or `video` and `--camera-type equirectangular`"
         )
+
+
+def wraps_around(small: Float32[np.ndarray, "256 512 3"]) -> bool:
+    """Whether left and right edge continue each other in their details, and the top and the bottom
+    row, each one point of a sphere, vary less than others. What stands out is clipped: a table
+    that both edges show at one height is no evidence."""
+    edges = small[:, [0, -1]]
+    details = (edges - cv2.blur(edges, (1, 15))).transpose(1, 0, 2).reshape(2, -1)
+    most = np.quantile(np.abs(details), 0.75, axis=1, keepdims=True)
+    rows = np.abs(small - small.mean(axis=1, keepdims=True)).mean(axis=(1, 2))
+    if most.min() < DETAIL or rows[0] + rows[-1] > POLES * np.median(rows):
+        return False
+    return bool(np.corrcoef(details.clip(-most, most))[0, 1] > ALIKE)
+
+
+def shows_two_circles(small: Float32[np.ndarray, "256 512 3"]) -> bool:
+    """Whether each half is bright in a ring and black outside of the circle that fills it."""
+    radius, bright = np.hypot(*np.mgrid[-1:1:256j, -1:1:256j]), small.max(axis=2) > 24
+    ring, outside = (radius > 0.6) & (radius < 0.9), radius > 1.1
+    halves = bright[:, :256], bright[:, 256:]
+    return all(half[ring].mean() > 0.6 and half[outside].mean() < 0.05 for half in halves)
 
 
 def prepare_masks(mask: Path, photos: Sequence[Photo], copies: Path) -> int:

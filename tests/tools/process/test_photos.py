@@ -4,12 +4,13 @@ import subprocess
 import sys
 from pathlib import Path
 
+import cv2
 import numpy as np
 import PIL.Image
 import pytest
 
 from desplat_ns.core.errors import CaptureError
-from desplat_ns.tools.process.photos import Photo, prepare_masks, prepare_photos
+from desplat_ns.tools.process.photos import Photo, check_projection, prepare_masks, prepare_photos
 from tests.helpers.yard import (
     EDGE,
     Features,
@@ -139,6 +140,76 @@ def test_masks_of_photos_in_folders_are_found_by_the_names_alone(photo_writer, t
 
 
 # --- what is no perspective view -----------------------------------------------------------------
+
+
+def textured(height: int, width: int, seed: int = 0) -> np.ndarray:
+    """Blots of all sizes; left and right edge continue each other."""
+    rng, picture = np.random.default_rng(seed), np.zeros((height, width, 3), np.float32)
+    for size in (4, 10, 20, 50):
+        blots = rng.normal(size=(height // size + 1, width // size, 3)).astype(np.float32)
+        padded = np.concatenate([blots[:, -2:], blots, blots[:, :2]], axis=1)
+        zoomed = cv2.resize(padded, None, fx=size, fy=size, interpolation=cv2.INTER_CUBIC)
+        picture += zoomed[:height, 2 * size : 2 * size + width]
+    return np.clip(128 + 35 * picture, 0, 255).astype(np.uint8)
+
+
+def panorama(seed: int = 0) -> np.ndarray:
+    """All around: what is near a pole is drawn out along its row."""
+    picture = textured(300, 600, seed).astype(np.float32)
+    latitude = np.pi * ((np.arange(300) + 0.5) / 300 - 0.5)
+    for row, stretch in zip(picture, 1 / np.cos(latitude), strict=True):
+        wide = cv2.blur(np.tile(row[None], (1, 3, 1)), (min(600, int(stretch)), 1))
+        row[:] = wide[0, 600:1200]
+    return picture.astype(np.uint8)
+
+
+def two_circles() -> np.ndarray:
+    picture = np.zeros((300, 600, 3), np.uint8)
+    for x in (149, 449):
+        cv2.circle(picture, (x, 149), 147, (1, 1, 1), -1)
+    return picture * textured(300, 600)
+
+
+def is_refused(path: Path, picture: np.ndarray) -> bool:
+    try:
+        check_projection(path, picture)
+    except CaptureError:
+        return True
+    return False
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_pictures_all_around_and_two_circles_are_refused(tmp_path: Path, seed: int):
+    """However far the camera was turned; with alpha; and as a large JPEG of poor quality."""
+    path, picture = tmp_path / "a.png", panorama(seed)
+    path.write_bytes(b"no XMP")
+    large = cv2.resize(picture, (2400, 1200), interpolation=cv2.INTER_CUBIC)
+    poor = cv2.imdecode(cv2.imencode(".jpg", large, [cv2.IMWRITE_JPEG_QUALITY, 70])[1], 1)
+    with_alpha = np.dstack([picture, np.full((300, 600, 1), 255, np.uint8)])
+    for other in (np.roll(picture, 77, axis=1), with_alpha, poor, two_circles()):
+        assert is_refused(path, other)
+
+
+@pytest.mark.parametrize("kind", ["crop", "tile", "noise", "backdrop", "night", "plain", "3 to 2"])
+def test_other_pictures_are_not(tmp_path: Path, kind: str):
+    path, rng = tmp_path / "a.png", np.random.default_rng(0)
+    path.write_bytes(b"no XMP")
+    backdrop = np.full((300, 600, 3), 200.0)  # a table before a wall, with a thing on it
+    backdrop[180:] = 90
+    backdrop[60:210, 200:400] = textured(150, 200)
+    backdrop += rng.normal(0, 4, backdrop.shape)
+    night = textured(300, 600) // 12
+    night[100:200, 100:500] *= 12
+    pictures = {
+        "crop": panorama()[60:240, 100:460],
+        "tile": textured(300, 600),
+        "noise": rng.integers(0, 256, (300, 600, 3), np.uint8),
+        "backdrop": backdrop.clip(0, 255).astype(np.uint8),
+        "night": night,
+        "plain": np.full((300, 600, 3), 128, np.uint8),
+        "3 to 2": cv2.resize(panorama(), (450, 300)),
+    }
+    assert not is_refused(path, pictures[kind])
 
 
 @pytest.mark.parametrize(
