@@ -9,7 +9,7 @@ import torch
 from desplat_ns.backend.protocol import View
 from desplat_ns.backend.spherical_harmonics import C0
 from desplat_ns.tools.export.splat_cloud import SplatCloud
-from desplat_ns.tools.scene.gather import PageCamera, PageScene
+from desplat_ns.tools.scene.gather import Light, PageCamera, PageScene
 from tests.helpers import splat_files
 
 WIDTH, HEIGHT = 200, 150
@@ -60,6 +60,13 @@ def camera(name: str, degrees: float, **changes: Any) -> PageCamera:
     photo = np.full((HEIGHT, WIDTH, 3), PHOTO, np.uint8)
     made_up = PageCamera(name, False, view(degrees), near=0.01, reach=3.0, photo=photo)
     return replace(made_up, **changes)
+
+
+def light(name: str, brighter: float = 0.2, of: SplatCloud | None = None) -> Light:
+    """A light in which a scene is brighter by so much, and the more so the more it was."""
+    harmonics = (cloud() if of is None else of).harmonics * (1 + brighter)
+    harmonics[:, 0] += brighter / C0
+    return Light(name, (0.1, 0.2, 0.7), harmonics.astype(np.float32))
 
 
 def contents(**changes: Any) -> PageScene:

@@ -7,6 +7,8 @@ from typing import Any
 import cv2
 import numpy as np
 import torch
+from jaxtyping import Bool
+from torch import Tensor
 
 from desplat_ns.backend.protocol import Rendering, View
 from desplat_ns.cameras.views import view_of
@@ -33,6 +35,7 @@ from desplat_ns.tools.export.splat_cloud import (
     baked,
     check_precise,
     moved,
+    shown_anywhere,
     similarity_to,
 )
 from desplat_ns.tools.export.spz import placed, spz_bytes
@@ -50,7 +53,7 @@ def export_splats(files: RunFiles, asked: Splats) -> None:
     as `load_run`, `static_cloud`."""
     output, ending = asked.output, format_of(asked.output)
     pipeline = load_run(files, needs_photos=False).pipeline
-    cloud = static_cloud(pipeline, asked.crop, asked.light)
+    cloud, _ = static_cloud(pipeline, asked.crop, asked.light)
     known = pipeline.datamanager.remembered()
     transform, scale = known["transform"].numpy(), float(known["scale"])
     to_file = similarity_to(asked.frame, transform, scale, UPRIGHT[ending])
@@ -113,9 +116,11 @@ def export_masks(files: RunFiles, asked: Masks) -> None:
     )
 
 
-def static_cloud(pipeline: DeSplatPipeline, crop: float | None, light: str | None) -> SplatCloud:
-    """The static Gaussians that a file is to hold, in the coordinates of training; says what was
-    left out. Raises ConfigError where nothing is left."""
+def static_cloud(
+    pipeline: DeSplatPipeline, crop: float | None, light: str | None
+) -> tuple[SplatCloud, Bool[Tensor, " N"]]:
+    """The static Gaussians that a file is to hold, in the coordinates of training, and which of the
+    model's they are; says what was left out. Raises ConfigError where nothing is left."""
     model = pipeline.model
     cameras = pipeline.datamanager.train_dataset.cameras.to(pipeline.device)
     with shown_in(model, light), torch.no_grad():
@@ -124,12 +129,13 @@ def static_cloud(pipeline: DeSplatPipeline, crop: float | None, light: str | Non
         near_plane = model.config.near_plane
         visible = seen_by_any(splats, allowed_views(cameras), model.points, near_plane)
         cloud = baked(splats.rows(visible), settings.antialiased)
+        rows = visible & shown_anywhere(splats)
         announce(
             f"Static Gaussians: {model.num_points}; exported: {len(cloud)}; left out because no "
             f"training camera shows them, nor a view half-way between two: {int((~visible).sum())}."
         )
         if crop is None:
-            return cloud
+            return cloud, rows
         with_depth, kept = model.render_settings(depth=True), np.zeros(len(cloud), bool)
         for index in even_subset(len(cameras), MOST_CROP_VIEWS):
             view = view_of(cameras[index : index + 1])
@@ -142,7 +148,8 @@ def static_cloud(pipeline: DeSplatPipeline, crop: float | None, light: str | Non
             "2; where nothing that the cameras show is solid yet, train longer."
         )
     announce(f"--crop {crop:g} keeps {kept.sum()} of them and leaves out {(~kept).sum()}.")
-    return cloud.rows(kept)
+    rows[rows.clone()] = torch.from_numpy(kept).to(rows.device)
+    return cloud.rows(kept), rows
 
 
 def shown_in(model: DeSplatModel, light: str | None) -> Any:

@@ -58,6 +58,12 @@ def spz_bytes(cloud: SplatCloud) -> bytes:
     return gzip.compress(stream, mtime=0)
 
 
+def color_bytes(cloud: SplatCloud) -> UInt8[np.ndarray, " B"]:
+    """The bytes of a file, unpacked, that depend on the light: zeroth coefficients of all
+    Gaussians, then the others, as they follow one another there. B = 3 N K."""
+    return np.concatenate([_zeroth(cloud).ravel(), _others(cloud).ravel()])
+
+
 def placed(cloud: SplatCloud) -> tuple[Bool[np.ndarray, " N"], str]:
     """For which Gaussians a file has places that are precise enough, and what to tell a user, if
     there is something. Those beyond LARGEST / 2^bits are left out, at most a share `FAR` of all:

@@ -1,6 +1,6 @@
-"""From a trained run to what its page shows.
+"""From a trained run to what its page shows, in a few of the photos' lights.
 
-Letters in shapes: N Gaussians.
+Letters in shapes: N Gaussians, H x W pixels.
 """
 
 import os
@@ -28,7 +28,7 @@ from desplat_ns.model import DeSplatModel
 from desplat_ns.photo_tourism.shown_light import VARIABLE
 from desplat_ns.tools.export.export import reach_of, shown_in, static_cloud
 from desplat_ns.tools.export.formats import Y_UP
-from desplat_ns.tools.export.splat_cloud import Similarity, SplatCloud, baked
+from desplat_ns.tools.export.splat_cloud import Similarity, SplatCloud, baked, harmonics_of
 from desplat_ns.tools.loading import LoadedRun, even_subset
 from desplat_ns.training.pipeline import DeSplatPipeline
 
@@ -36,9 +36,13 @@ AVERAGE = "the photos' average"
 """Whose light is shown where none was chosen."""
 PICTURES = 6
 """Renderings for browsers that cannot draw the scene."""
+MORE_LIGHTS = 3
+"""Photos' lights beside the one that is shown first, evenly chosen."""
 WEIGHING_VIEWS = 30
 """Training views in which Gaussians are weighed, evenly chosen."""
 Rgb = UInt8[np.ndarray, "_ _ 3"]
+Color = tuple[float, float, float]
+"""In [0, 1]."""
 TO_PAGE = Similarity(np.asarray(Y_UP, np.float64), 1.0, np.zeros(3))
 """From nerfstudio's coordinates to the page's, where y is up; the scale stays that of training."""
 
@@ -76,6 +80,17 @@ class PageCamera:
 
 
 @dataclass(frozen=True)
+class Light:
+    """A light in which the scene can be shown: a photo's."""
+
+    name: str
+    background: Color
+    """Behind everything."""
+    harmonics: Float[np.ndarray, "N K 3"]
+    """Of the scene's Gaussians, as `SplatCloud.harmonics`."""
+
+
+@dataclass(frozen=True)
 class PageScene:
     """All that is on a page."""
 
@@ -86,13 +101,15 @@ class PageScene:
     """The static scene, in the coordinates of training."""
     weigh: Callable[[SplatCloud], Float[np.ndarray, " N"]]
     """How much each of its Gaussians makes up of the photos; asked for if not all fit."""
-    background: Sequence[float]
-    """Behind everything: the mean of what is behind the first photo, three in [0, 1]."""
+    background: Color
+    """Behind everything: the mean of what is behind the first photo."""
     light: str
     """Whose light is shown: a photo, a mix, or `AVERAGE`; empty where all photos have the same."""
     cameras: Sequence[PageCamera]
     pictures: Sequence[tuple[str, Rgb]]
     """Renderings with their names, for browsers that cannot draw the scene."""
+    other_lights: Sequence[Light] = ()
+    """To choose from beside it."""
     not_shown: str = ""
     """In words, which photos are not on the page."""
 
@@ -109,7 +126,7 @@ def scene_of(
     there is no photo to start from, ConfigError where no Gaussians are left."""
     pipeline = run.pipeline
     model, manager = pipeline.model, pipeline.datamanager
-    cloud = static_cloud(pipeline, crop, light)
+    cloud, rows = static_cloud(pipeline, crop, light)
     totals = len(manager.train_image_names), len(manager.eval_dataset)
     training, held_out = map(even_subset, totals, (most_training, most_held_out))
     if not training and not held_out:
@@ -134,19 +151,19 @@ def scene_of(
             cameras.append(_page_camera(model, camera, batch["image"], names[index], None))
             advance()
         shown = model.embedding_of(None)
-        behind = model.background_of(cameras[0].view, shown).reshape(-1, 3).mean(dim=0)
         return PageScene(
             title=str(run.config.experiment_name),
             date=date.fromtimestamp(run.checkpoint.stat().st_mtime).isoformat(),
             cloud=cloud,
             weigh=lambda splats: _weights(pipeline, splats),
-            background=behind.clamp(0, 1).tolist(),
+            background=mean_background(model, cameras[0].view, shown),
             light=light_of(model, light),
             cameras=cameras,
             pictures=[
                 (cameras[i].name, _picture(model, cameras[i].view, shown))
                 for i in even_subset(len(cameras), PICTURES)
             ],
+            other_lights=other_lights(model, rows, cameras[0].view),
             not_shown=not_shown,
         )
 
@@ -215,3 +232,25 @@ def light_of(model: DeSplatModel, light: str | None) -> str:
     if model.effects.appearance == "camera":
         return AVERAGE
     return text_of(light or os.environ.get(VARIABLE) or AVERAGE)
+
+
+def other_lights(model: DeSplatModel, rows: Tensor, view: View) -> list[Light]:
+    """Lights of a few photos, over the Gaussians in `rows` [N]; none where Gaussians have the same
+    colours in every light. The background's mean colour in `view` stands for it."""
+    effects, lights = model.image_effects, list[Light]()
+    if effects.appearance is None:
+        return lights
+    for photo in even_subset(len(model.names), MORE_LIGHTS):
+        embedding = effects.of(photo)
+        background = mean_background(model, view, embedding)
+        with model.shown_in(embedding):
+            harmonics = harmonics_of(model.shown_splats(rows))
+        lights.append(Light(text_of(model.names[photo]), background, harmonics))
+    return lights
+
+
+def mean_background(model: DeSplatModel, view: View, embedding: Tensor) -> Color:
+    """Colour that stands for what is behind everything in a view."""
+    colors = model.background_of(view, embedding).reshape(-1, 3)
+    red, green, blue = colors.mean(dim=0).clamp(0, 1).tolist()
+    return red, green, blue

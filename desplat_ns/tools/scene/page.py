@@ -1,9 +1,12 @@
 """The HTML page of a scene: one file that needs no other and asks for none."""
 
 import base64
+import gzip
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -14,8 +17,8 @@ from desplat_ns.core.pages import Picture, fitted_into, template
 from desplat_ns.core.run_files import RunFiles
 from desplat_ns.core.whole import plain_errors, write_whole
 from desplat_ns.tools.commands.export import Page
-from desplat_ns.tools.export.splat_cloud import SplatCloud, moved
-from desplat_ns.tools.export.spz import placed, spz_bytes
+from desplat_ns.tools.export.splat_cloud import SplatCloud, moved, turned_harmonics
+from desplat_ns.tools.export.spz import color_bytes, placed, spz_bytes
 from desplat_ns.tools.loading import load_run
 from desplat_ns.tools.scene.gather import TO_PAGE, PageScene, scene_of
 
@@ -67,18 +70,16 @@ def scene_html(contents: PageScene, most: int) -> tuple[str, list[str]]:
     near, told = placed(contents.cloud)
     cloud = contents.cloud.rows(near)
 
-    def page(scene: str, kept: int, reduced: str = "") -> str:
+    def page(scene: str, kept: int, reduced: str = "", others: Sequence[Any] = ()) -> str:
+        first = {"name": contents.light, "background": contents.background, "change": ""}
         return template(TEMPLATE).render(
             page=contents,
             scene=scene,
             kept=kept,
             reduced=reduced,
             cameras=cameras,
-            data={
-                "cameras": cameras,
-                "background": contents.background,
-                "antialiased": cloud.antialiased,
-            },
+            lights=[first, *others],
+            data={"cameras": cameras, "lights": [first, *others], "antialiased": cloud.antialiased},
             renderings=renderings,
             script=script(),
             style=STYLE.read_text("utf8"),
@@ -93,8 +94,19 @@ def scene_html(contents: PageScene, most: int) -> tuple[str, list[str]]:
     if len(shown) < len(cloud):
         kept = f"{len(shown):,} of {len(cloud):,} Gaussians"
         reduced = f"Reduced to fit: {kept}, which make up {share:.1%} of what the photos show."
-    text = page(_text(content), len(shown), reduced)
-    return text, [line for line in (told, contents.not_shown, reduced) if line]
+    rows = near.nonzero()[0][chosen]
+    scene = _text(content), len(shown), reduced
+    limit, others = min(2 * len(page(*scene).encode()), most), list[dict[str, Any]]()
+    for light in contents.other_lights:
+        # What has to be added to the bytes of the first light's colours, modulo 256, packs well.
+        harmonics = turned_harmonics(light.harmonics[rows], TO_PAGE.turn)
+        change = color_bytes(replace(shown, harmonics=harmonics)) - color_bytes(shown)
+        text = _text(gzip.compress(change.tobytes(), mtime=0))
+        others.append({"name": light.name, "background": light.background, "change": text})
+        if len(page(*scene, others).encode()) > limit:
+            others.pop()
+            break
+    return page(*scene, others), [line for line in (told, contents.not_shown, reduced) if line]
 
 
 def script() -> str:

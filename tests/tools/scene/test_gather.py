@@ -3,17 +3,23 @@
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+import torch
 
+from desplat_ns.cameras.views import view_of
+from desplat_ns.core.console import text_of
 from desplat_ns.core.errors import CaptureError, ConfigError
 from desplat_ns.core.run_files import find_run
+from desplat_ns.tools.export.splat_cloud import baked
 from desplat_ns.tools.loading import LoadedRun, load_run
 from desplat_ns.tools.scene.gather import (
     AVERAGE,
     light_of,
+    other_lights,
     scene_of,
 )
-from tests.helpers.small_model import model_with
+from tests.helpers.small_model import held_out, model_with, moved
 
 pytestmark = pytest.mark.slow
 
@@ -63,6 +69,21 @@ def test_what_cannot_be_shown_is_an_error_that_names_the_option(
         scene_of(run, **{"most_training": 1, "most_held_out": 0, **options})
 
 
+@pytest.mark.parametrize("appearance", ["affine", "sh"])
+def test_each_light_has_the_colours_that_are_baked_for_its_photo(appearance: str):
+    model = moved(model_with(appearance)).eval()
+    model.names = [f"photo {i}.jpg" for i in range(model.num_train_data)]
+    model.names[0] += "\udcfc"  # a byte that is no text
+    rows = torch.arange(model.num_points) % 3 != 0
+    lights = other_lights(model, rows, view_of(held_out()))
+    assert len(lights) == len({light.name for light in lights}) == 3
+    for light in lights:
+        photo = [text_of(name) for name in model.names].index(light.name)
+        with model.shown_in(model.image_effects.of(photo)):
+            whole = baked(model.shown_splats().rows(rows), antialiased=False)
+        assert np.allclose(light.harmonics, whole.harmonics, atol=1e-5)
+
+
 @pytest.mark.parametrize(
     ("appearance", "asked", "expected"),
     [
@@ -77,3 +98,6 @@ def test_a_page_tells_whose_light_it_shows_where_photos_differ(
 ):
     model = model_with(appearance).eval()
     assert light_of(model, asked) == expected
+    if appearance == "off":
+        rows = torch.ones(model.num_points, dtype=torch.bool)
+        assert other_lights(model, rows, view_of(held_out())) == []

@@ -4,6 +4,7 @@ import base64
 import gzip
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,12 +13,12 @@ import torch
 
 from desplat_ns.cameras.views import image_points
 from desplat_ns.core.errors import ConfigError
-from desplat_ns.tools.export.splat_cloud import SplatCloud
-from desplat_ns.tools.export.spz import spz_bytes
+from desplat_ns.tools.export.splat_cloud import SplatCloud, moved
+from desplat_ns.tools.export.spz import color_bytes, spz_bytes
 from desplat_ns.tools.scene.gather import TO_PAGE
 from desplat_ns.tools.scene.page import VIEWER, fitted, scene_html
 from tests.helpers.html import Elements
-from tests.helpers.scene import HEIGHT, WIDTH, camera, cloud, contents, red_disc
+from tests.helpers.scene import HEIGHT, WIDTH, camera, cloud, contents, light, red_disc
 from tests.helpers.splat_files import read_splats
 
 MOST = 4_000_000
@@ -52,10 +53,11 @@ def test_nothing_is_asked_from_elsewhere():
 
 
 def test_names_with_markup_in_them_do_no_harm():
-    plain = contents(light="a.png")
+    plain = contents(light="a.png", other_lights=[light("b.png")])
     nasty = contents(
         title=NASTY,
         light=NASTY,
+        other_lights=[light(NASTY)],
         not_shown=NASTY,
         cameras=[camera(NASTY, 0), *plain.cameras[1:]],
         pictures=[(NASTY, plain.pictures[0][1])],
@@ -65,19 +67,34 @@ def test_names_with_markup_in_them_do_no_harm():
     assert tags[0] == tags[1], "the same elements"
     assert json.loads(after.text_of("data"))["cameras"][0]["name"] == NASTY
     assert NASTY in [text.strip() for _, text in after.of("title")]
-    assert "".join(text for _, text in after.of("option")).count(NASTY) == 1
+    assert "".join(text for _, text in after.of("option")).count(NASTY) == 3
+
+
+def test_other_lights_are_what_is_to_be_added_to_the_first_ones_colours():
+    """All bytes of the file in that light, rounded as it would be, and no bytes beside."""
+    written = contents(light="a.png", other_lights=[light("b.png", 0.3)])
+    data = json.loads(Elements(scene_html(written, MOST)[0]).text_of("data"))
+    first, other = data["lights"]
+    assert (first["name"], first["change"]) == ("a.png", "")
+    assert (other["name"], other["background"]) == ("b.png", [0.1, 0.2, 0.7])
+    lit = replace(written.cloud, harmonics=written.other_lights[0].harmonics)
+    before, after = (color_bytes(moved(cloud, TO_PAGE)) for cloud in (written.cloud, lit))
+    change = np.frombuffer(gzip.decompress(base64.b64decode(other["change"])), np.uint8)
+    assert (before + change == after).all() and (change != 0).any()
 
 
 def test_a_page_is_as_large_as_it_may_be_and_says_what_is_left_out():
     large = cloud(count=30_000)
     most = 1_500_000
-    reduced, (line,) = scene_html(contents(cloud=large), most)
+    lit = contents(cloud=large, other_lights=[light("b", 0.1, large)])
+    reduced, (line,) = scene_html(lit, most)
     assert 0.9 * most < len(reduced.encode()) <= most
     kept = re.search(r"([\d,]+) of 30,000", line)
     assert kept is not None and line in reduced
     parts = Elements(reduced)
     read = read_splats(base64.b64decode(parts.text_of("scene")))
     assert len(read) == int(kept[1].replace(",", ""))
+    assert len(json.loads(parts.text_of("data"))["lights"]) == 1
 
 
 @pytest.mark.parametrize("degrees", [0, -70, 180])

@@ -20,6 +20,7 @@ from tests.helpers.scene import (
     cloud,
     contents,
     drawn,
+    light,
     psnr,
     red_disc,
 )
@@ -100,6 +101,25 @@ def test_at_a_photos_camera_it_shows_what_we_render(stage: Page, index: int):
     settle(stage, f"scenePage.goTo({index})")
     ours = drawn(contents().cloud, contents().cameras[index].view)
     assert psnr(shown(stage), ours) > LEAST_PSNR
+
+
+def test_another_light_is_shown_where_it_is_chosen_and_the_first_one_again(tmp_path: Path):
+    other = light("b.png")
+    scene = contents(light="a.png", other_lights=[other])
+    view = scene.cameras[1].view
+    ours = drawn(scene.cloud, view)
+    lit = drawn(replace(scene.cloud, harmonics=other.harmonics), view, other.background)
+    assert psnr(ours, lit) < 20
+    with bare_scene(tmp_path / "a.html", scene) as page:
+        settle(page, "scenePage.goTo(1)")
+        first = shown(page)
+        assert psnr(first, ours) > LEAST_PSNR
+        select = "(at => { const it = document.getElementById('light'); it.value = at; "
+        settle(page, select + "it.onchange() })(1)")
+        assert psnr(shown(page), lit) > LEAST_PSNR
+        assert page.value("document.getElementById('lit').textContent") == "in the light of b.png"
+        settle(page, select + "it.onchange() })(0)")
+        assert (shown(page) == first).all(), "to the bit"
 
 
 @pytest.mark.parametrize(("degree", "antialiased"), [(1, False), (3, True)])

@@ -131,6 +131,7 @@ export function listen(page) {
   };
   $("distractors").onchange = () => page.showTaken();
   $("frusta").onchange = () => page.showFrusta($("frusta").checked);
+  if ($("light")) $("light").onchange = () => page.chooseLight(Number($("light").value));
   addEventListener("keydown", event => {
     const within = /** @type {Element} */ (event.target);
     if (event.ctrlKey || event.metaKey || event.altKey) return;

@@ -1,5 +1,6 @@
 // How Gaussians are drawn: as in training, by Spark.
 // @ts-check
+import { layoutOf } from "./files.js";
 
 /** Standard deviations at which a Gaussian of full opacity falls below 1/255. */
 const REACH_SIGMAS = Math.sqrt(2 * Math.log(255));
@@ -70,9 +71,7 @@ export async function newSplats(V, spz, unpacked) {
  * @param {Record<string, Uint32Array>} words four for each Gaussian in each array
  * @param {Uint8Array} spz unpacked, where a byte is 128 and 128ths of a coefficient */
 export function mendHarmonics(words, spz) {
-  const count = new DataView(spz.buffer).getUint32(8, true);
-  const harmonics = 16 + 20 * count; // behind the header, places, opacities, colours, scales, turns
-  const each = (spz.length - harmonics) / (3 * count);
+  const { count, harmonics } = layoutOf(spz), each = (spz.length - harmonics) / (3 * count);
   const arrays = ["sh1", "sh2", "sh3a", "sh3b"].map(name => words[name]);
   for (let i = 0, at = harmonics; i < count; i++)
     for (let k = 0; k < each; k++, at += 3) {

@@ -1,12 +1,15 @@
 // A scene to walk around in. Everything it needs is in the page: `data` (cameras with their photos
-// and what was taken out of each), `scene` (SPZ), `wasm` and `viewer` (libraries).
+// and what was taken out of each, lights), `scene` (SPZ), `wasm` and `viewer` (libraries).
 // @ts-check
-import { $, bytesOf, embedded, inflated, loadViewer, obstacle } from "./files.js";
+import { $, bytesOf, deflated, embedded, inflated, loadViewer, obstacle, relit } from "./files.js";
 import { GONE, NEAREST, WHOLE, away, falling, frameOf, nearPlane, setLens, standAt }
   from "./cameras.js";
 import { newLayer, newRenderer, newSplats, newTarget } from "./drawing.js";
 import { newFrusta } from "./frusta.js";
 import { Controls, listen } from "./controls.js";
+
+/** @typedef {{name: string, background: [number, number, number], change: string}} Light
+ *   the change is one of colours, for `relit`; empty for the first light */
 
 const PATIENCE = 60_000; // milliseconds until the first picture
 const QUIET = 200; // milliseconds without a drawing after which nothing more comes
@@ -17,10 +20,12 @@ const WHY_FADING = "What was taken out was made for this view alone: nobody know
 
 export class ScenePage {
   /** @param {any} V the library
-   * @param {{cameras: import("./cameras.js").PhotoCamera[], antialiased: boolean}} data */
+   * @param {{cameras: import("./cameras.js").PhotoCamera[], lights: Light[], antialiased: boolean}}
+   *   data */
   constructor(V, data) {
     this.V = V;
     this.cameras = data.cameras;
+    this.lights = data.lights;
     this.renderer = newRenderer(V, $("canvas"));
     this.camera = new V.PerspectiveCamera();
     this.camera.matrixAutoUpdate = true;
@@ -29,11 +34,14 @@ export class ScenePage {
     const layer = () => newLayer(V, this.renderer, data.antialiased, () => this.redraw());
     this.still = layer();
     this.front = layer();
+    /** @type {any} the scene in the light that is shown */
+    this.lit = null;
     /** @type {any} */
     this.frusta = null;
     this.taken = new Map();
     this.loading = new Set();
     this.current = 0;
+    this.light = 0;
     this.queued = false;
     this.lastDraw = 0;
     this.lastPose = new V.Matrix4();
@@ -140,12 +148,43 @@ export class ScenePage {
     if ($("note").textContent !== text) $("note").textContent = text;
   }
 
-  /** Show the scene, over a colour. @param {[number, number, number]} background */
-  async showScene(background) {
-    const scene = embedded("scene");
-    this.still.scene.add(await newSplats(this.V, scene, await inflated(scene)));
-    this.renderer.setClearColor(new this.V.Color().setRGB(...background, "srgb"));
+  /** Show the scene in another light, or go on in this one where there is no memory for it.
+   * @param {number} index */
+  async chooseLight(index) {
+    const before = this.light;
+    try {
+      await this.showLight(index);
+    } catch (error) {
+      console.error(error);
+      this.loading.delete("light");
+      this.light = before;
+      $("light").value = String(before);
+    }
+  }
+
+  /** Show the scene in one of its lights. @param {number} index */
+  async showLight(index) {
+    const { name, background, change } = this.lights[index];
+    this.light = index;
+    if ($("light")) $("light").value = String(index); // browsers keep a choice when they reload
+    let scene = embedded("scene"), unpacked = await inflated(scene);
+    this.loading.add("light");
+    if (change) {
+      unpacked = relit(unpacked, await inflated(bytesOf(change)));
+      scene = await deflated(unpacked);
+    }
+    const mesh = await newSplats(this.V, scene, unpacked);
+    if (this.light !== index) return mesh.dispose(); // another one was chosen meanwhile
+    this.loading.delete("light");
+    if (this.lit) {
+      this.still.scene.remove(this.lit);
+      this.lit.dispose();
+    }
+    this.lit = mesh;
+    this.still.scene.add(mesh);
     this.redraw();
+    this.renderer.setClearColor(new this.V.Color().setRGB(...background, "srgb"));
+    if ($("lit")) $("lit").textContent = `in the light of ${name}`;
   }
 
   /** Put what was taken out of the current photo back, or away. */
@@ -180,7 +219,8 @@ export class ScenePage {
   /** Whether nothing is being loaded, sorted or drawn any more. */
   settled() {
     const busy = [this.still, this.front].some(({ spark }) => spark.sorting || spark.sortDirty);
-    return !busy && !this.queued && performance.now() - this.lastDraw > QUIET;
+    const idle = !busy && !this.queued && !this.loading.has("light");
+    return idle && performance.now() - this.lastDraw > QUIET;
   }
 }
 
@@ -196,7 +236,7 @@ async function start() {
   try {
     const data = JSON.parse($("data").textContent);
     const page = new ScenePage(await loadViewer(), data);
-    await page.showScene(data.background);
+    await page.showLight(0);
     page.goTo(0);
     const patience = new Promise(done => setTimeout(done, PATIENCE));
     await Promise.race([page.ready, patience]); // the first photo's view may show nothing
