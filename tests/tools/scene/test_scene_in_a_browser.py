@@ -1,5 +1,6 @@
 """The page in a real browser that draws on the CPU: it shows what we render, and moves."""
 
+import base64
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -7,8 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 
+from desplat_ns.tools.export.ply import ply_bytes
 from desplat_ns.tools.export.splat_cloud import SplatCloud
+from desplat_ns.tools.export.spz import spz_bytes
 from desplat_ns.tools.scene.gather import PageScene
 from desplat_ns.tools.scene.page import scene_html
 from tests.helpers.browser import Page, headless_page
@@ -195,6 +199,28 @@ def test_keys_walk_after_a_photo_was_chosen(stage: Page):
     stage.call("Input.dispatchKeyEvent", type="keyUp", key="w", code="KeyW")
     assert stage.value("scenePage.current") == 0, "no other photo was chosen"
     bare(stage)
+
+
+@pytest.mark.parametrize(
+    ("kind", "write", "axes"), [("ply", ply_bytes, (1, -1, -1)), ("spz", spz_bytes, (1, 1, 1))]
+)
+def test_a_dropped_file_is_shown_in_place_of_the_scene(tmp_path: Path, kind: str, write, axes):
+    dropped = cloud(seed=7, degree=0)
+    content = base64.b64encode(write(dropped)).decode()
+    with bare_scene(tmp_path / "a.html", contents()) as page:
+        page.value(
+            f"{{ const bytes = Uint8Array.from(atob('{content}'), c => c.charCodeAt(0));"
+            f"scenePage.showFile(new File([bytes], 'a.{kind}')), 0 }}"
+        )
+        page.wait_for("document.body.matches('.dropped')")
+        settle(page)
+        pose = np.array(page.value("[...scenePage.camera.matrixWorld.elements]")).reshape(4, 4).T
+        to_file = np.diag([*axes, 1.0])
+        viewmat = np.linalg.inv(to_file @ pose @ np.diag([1.0, -1.0, -1.0, 1.0]))
+        view = replace(contents().cameras[0].view, viewmat=torch.from_numpy(viewmat))
+        ours = drawn(dropped, view)
+        assert ours.std() > 0.05, "it is in view"
+        assert psnr(shown(page), ours) > LEAST_PSNR
 
 
 def test_a_move_that_is_drawn_slowly_is_drawn_coarser_and_sharp_at_rest(stage: Page):

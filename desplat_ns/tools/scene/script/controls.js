@@ -124,6 +124,11 @@ export function listen(page) {
   $("full").onclick = keys.f;
   $("full").hidden = !document.fullscreenEnabled;
   $("canvas").addEventListener("pointermove", event => { if (event.buttons) $("hint").hidden = true; });
+  addEventListener("dragover", event => event.preventDefault());
+  addEventListener("drop", event => {
+    event.preventDefault();
+    if (event.dataTransfer?.files.length) page.showFile(event.dataTransfer.files[0]);
+  });
   $("camera").onchange = () => page.goTo(Number($("camera").value));
   $("share").oninput = () => {
     $("photo").style.clipPath = `inset(0 calc(100% - ${$("share").value}%) 0 0)`;

@@ -65,6 +65,29 @@ export async function newSplats(V, spz, unpacked) {
   return mesh;
 }
 
+/** @param {any} V the library @param {File} file that is not from this page: .ply or .spz */
+export async function droppedSplats(V, file) {
+  const kind = file.name.toLowerCase().split(".").pop() ?? "";
+  if (!["ply", "spz"].includes(kind)) throw new Error("drop a .ply or a .spz file.");
+  const fileBytes = new Uint8Array(await file.arrayBuffer());
+  const mesh = new V.SplatMesh({ fileBytes, fileType: kind, extSplats: true });
+  await mesh.initialized;
+  if (!mesh.numSplats) throw new Error("it holds no Gaussians.");
+  if (kind === "ply") mesh.quaternion.set(1, 0, 0, 0); // y is down in it
+  return mesh;
+}
+
+/** The middle of a mesh, and twice the median distance of its Gaussians from there; both in the
+ * world. @param {any} V the library @param {any} mesh */
+export function extentOf(V, mesh) {
+  const places = /** @type {any[]} */ ([]), step = Math.ceil(mesh.numSplats / 10_000);
+  mesh.forEachSplat((i, place) => i % step || places.push(place.clone()));
+  const median = values => values.sort((a, b) => a - b)[values.length >> 1];
+  const middle = new V.Vector3(...["x", "y", "z"].map(axis => median(places.map(p => p[axis]))));
+  const reach = 2 * median(places.map(place => place.distanceTo(middle)));
+  return { middle: middle.applyQuaternion(mesh.quaternion), reach };
+}
+
 /** Write harmonics anew as Spark keeps them: in a word for each coefficient, three magnitudes in
  * 255ths of a power of two, then three signs and the exponent (plus 15). Spark 2.2.0 takes the power
  * below the largest of the three, where it cuts off: up to a half is lost. This takes the one above.

@@ -4,7 +4,7 @@
 import { $, bytesOf, deflated, embedded, inflated, loadViewer, obstacle, relit } from "./files.js";
 import { GONE, NEAREST, WHOLE, away, falling, frameOf, nearPlane, setLens, standAt }
   from "./cameras.js";
-import { newLayer, newRenderer, newSplats, newTarget } from "./drawing.js";
+import { droppedSplats, extentOf, newLayer, newRenderer, newSplats, newTarget } from "./drawing.js";
 import { newFrusta } from "./frusta.js";
 import { Controls, listen } from "./controls.js";
 
@@ -142,7 +142,7 @@ export class ScenePage {
   /** Say where one is. @param {number} far from the current photo's camera */
   tell(far) {
     const one = this.cameras[this.current], kind = one.heldOut ? "held-out" : "training photo";
-    const place = far < WHOLE ? `At ${one.name} (${kind}).` : `Away from ${one.name}.`;
+    const place = !one.photo ? one.name : far < WHOLE ? `At ${one.name} (${kind}).` : `Away from ${one.name}.`;
     const fading = $("distractors").checked && one.distractors ? ` ${WHY_FADING}` : "";
     const text = place + fading;
     if ($("note").textContent !== text) $("note").textContent = text;
@@ -176,6 +176,13 @@ export class ScenePage {
     const mesh = await newSplats(this.V, scene, unpacked);
     if (this.light !== index) return mesh.dispose(); // another one was chosen meanwhile
     this.loading.delete("light");
+    this.replace(mesh);
+    this.renderer.setClearColor(new this.V.Color().setRGB(...background, "srgb"));
+    if ($("lit")) $("lit").textContent = `in the light of ${name}`;
+  }
+
+  /** Show a mesh in place of the scene. @param {any} mesh */
+  replace(mesh) {
     if (this.lit) {
       this.still.scene.remove(this.lit);
       this.lit.dispose();
@@ -183,8 +190,28 @@ export class ScenePage {
     this.lit = mesh;
     this.still.scene.add(mesh);
     this.redraw();
-    this.renderer.setClearColor(new this.V.Color().setRGB(...background, "srgb"));
-    if ($("lit")) $("lit").textContent = `in the light of ${name}`;
+  }
+
+  /** Show a file of splats in place of the scene, seen as the first photo sees it: from so far that
+   * most of it is in view. @param {File} file .ply or .spz */
+  async showFile(file) {
+    try {
+      const mesh = await droppedSplats(this.V, file), { middle, reach } = extentOf(this.V, mesh);
+      const first = this.cameras[0], back = new this.V.Vector3().fromArray(first.pose, 8);
+      const place = back.setLength(reach).add(middle).toArray();
+      const name = `${file.name}, ${mesh.numSplats.toLocaleString("en")} Gaussians. `
+        + "Load the page again to see its own scene.";
+      this.cameras = [{ ...first, name, reach, near: 0, photo: "", distractors: "",
+                        pose: [...first.pose.slice(0, 12), ...place, 1] }];
+      this.light = -1;
+      this.showFrusta(false);
+      $("frusta").disabled = true;
+      document.body.classList.add("dropped");
+      this.replace(mesh);
+      this.goTo(0);
+    } catch (error) {
+      alert(`${file.name} cannot be shown: ${/** @type {Error} */ (error).message}`);
+    }
   }
 
   /** Put what was taken out of the current photo back, or away. */
