@@ -33,8 +33,8 @@ from desplat_ns.tools.export.ply import ply_bytes
 from desplat_ns.tools.export.splat_cloud import (
     SplatCloud,
     baked,
-    check_precise,
     moved,
+    near_zero,
     shown_anywhere,
     similarity_to,
 )
@@ -59,13 +59,17 @@ def export_splats(files: RunFiles, asked: Splats) -> None:
     to_file = similarity_to(asked.frame, transform, scale, UPRIGHT[ending])
     cloud, told = moved(cloud, to_file), list[str]()
     if asked.frame == "capture":
-        check_precise(cloud)
+        cloud = near_zero(cloud)
     if ending == ".spz":
         near, left_out = placed(cloud)
         cloud, told = cloud.rows(near), [left_out] * bool(left_out)
-    content = WRITERS[ending](cloud)
+    content, beside = WRITERS[ending](cloud), output.with_name(f"{output.name}.offset.txt")
+    offset = " ".join(map(str, cloud.offset))
     with plain_errors(output):
         write_whole(output, content)
+        beside.unlink(missing_ok=True)
+        if offset:
+            write_whole(beside, f"{offset}\n".encode())
     megabytes = f"{len(content) / 1e6:.2f} MB"
     announce(f"Saved {output}: {len(cloud)} Gaussians, degree {cloud.degree}, {megabytes}.")
     if pipeline.model.effects.background != "off":
@@ -74,6 +78,11 @@ def export_splats(files: RunFiles, asked: Splats) -> None:
         told.append(
             "The run was trained with `rasterize-mode antialiased`, which this format cannot say: "
             "switch antialiasing on in the viewer, or write .spz."
+        )
+    if offset:
+        told.append(
+            f"float32 is too coarse for the capture's coordinates: {output} has them without an "
+            f"offset of {offset}, which stands in {beside} and in the comment of a .ply."
         )
     for line in told:
         announce(line, warning=True)

@@ -30,7 +30,8 @@ def ply_bytes(cloud: SplatCloud) -> bytes:
     }
     table = np.concatenate([values.astype("<f4") for values in parts.values()], axis=1)
     table = table.view([(name, "<f4") for name in " ".join(parts).split()])[:, 0]
-    comments, file = ["written by desplat-ns"], io.BytesIO()
+    offset = [" ".join(["offset", *map(str, cloud.offset)])] if cloud.offset else []
+    comments, file = ["written by desplat-ns", *offset], io.BytesIO()
     element = PlyElement.describe(table, "vertex")
     PlyData([element], byte_order="<", comments=comments).write(file)
     return file.getvalue()

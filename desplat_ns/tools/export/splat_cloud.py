@@ -52,6 +52,8 @@ class SplatCloud:
     """Coefficients in 3DGS's sign convention; the colour is max(SH + 1/2, 0)."""
     antialiased: bool = False
     """Whether opacities are meant for Mip-Splatting's low-pass filter."""
+    offset: tuple[float, ...] = ()
+    """x, y, z to add to `means` where they would be too large for float32; see `near_zero`."""
 
     def __len__(self) -> int:
         return len(self.means)
@@ -140,16 +142,15 @@ def similarity_to(
     return Similarity(turn.T, unscaled, np.linalg.solve(matrix[:, :3], -matrix[:, 3]))
 
 
-def check_precise(cloud: SplatCloud) -> None:
-    """Raise ConfigError where places of float32, in which files and viewers have them, are off by
-    more than `OFF_BY`, as those of geo-referenced captures."""
+def near_zero(cloud: SplatCloud) -> SplatCloud:
+    """The same Gaussians with an offset, in whole units, where places of float32, in which files
+    and viewers have them, would be off by more than `OFF_BY`, as those of geo-referenced captures.
+    """
     reach = np.quantile(np.abs(cloud.means).max(axis=1), 1 - FAR, method="higher")
-    step = np.spacing(np.float32(reach))
-    if step / 2 > OFF_BY * cloud.size:
-        raise ConfigError(
-            f"The capture's coordinates are as large as {reach:.3g}, where float32 has steps of "
-            f"{step:.2g}, and Gaussians are as small as {cloud.size:.2g}. Take --frame upright."
-        )
+    if np.spacing(np.float32(reach)) / 2 <= OFF_BY * cloud.size:
+        return cloud
+    offset = np.rint(np.median(cloud.means, axis=0))
+    return replace(cloud, means=cloud.means - offset, offset=tuple(offset.tolist()))
 
 
 def moved(cloud: SplatCloud, by: Similarity) -> SplatCloud:

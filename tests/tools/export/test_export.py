@@ -1,7 +1,9 @@
 """Files of a run lie where the capture's own cameras look; a crop keeps what is near to them."""
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -12,14 +14,14 @@ from nerfstudio.data.dataparsers.nerfstudio_dataparser import NerfstudioDataPars
 from scipy.spatial.transform import Rotation
 
 from desplat_ns.backend.protocol import Rendering, View
-from desplat_ns.core.errors import ConfigError
-from desplat_ns.core.run_files import find_run
+from desplat_ns.core.run_files import RunFiles, find_run
 from desplat_ns.data.transforms_json import TransformsDataParser
 from desplat_ns.tools.commands.export import Splats
+from desplat_ns.tools.export import export
 from desplat_ns.tools.export.export import export_splats, reach_of
-from desplat_ns.tools.export.formats import Y_UP
-from desplat_ns.tools.export.splat_cloud import OFF_BY, check_precise, moved, similarity_to
+from desplat_ns.tools.export.splat_cloud import OFF_BY
 from desplat_ns.tools.loading import load_run
+from desplat_ns.training.datamanager import DeSplatDataManager
 from desplat_ns.viewer import LayerControl
 from tests.helpers.files import write_transforms
 from tests.helpers.scene import psnr
@@ -70,14 +72,16 @@ def test_a_file_in_the_captures_frame_shows_the_scene_to_the_captures_cameras(
     assert psnr(picture, (outputs["rgb"] - behind).numpy()) > least
 
 
-@pytest.mark.parametrize("east", [50.0, 465000.5])
-def test_a_nerfstudio_captures_frame_is_that_of_its_own_points(
-    tmp_path: Path, photo_writer: Any, east: float
+UTM = np.array([465000.5, 5250000, 400])
+
+
+@pytest.mark.parametrize("ending", ["ply", "spz"])
+def test_a_nerfstudio_captures_frame_is_that_of_its_own_points_also_far_out(
+    tmp_path: Path, photo_writer: Any, monkeypatch: pytest.MonkeyPatch, capsys: Any, ending: str
 ):
-    """Gaussians at the points of a PLY go back there, whatever `applied_transform` says of the
-    world before. In UTM float32 has steps of half a unit, and the Gaussians have 0.05: refused."""
-    middle = np.array([east, 12 * east, 4])
-    points = np.random.default_rng(0).uniform(-3, 3, (200, 3)) + middle
+    """Gaussians at the points of a PLY in UTM go back there, whatever `applied_transform` says of
+    the world before; float32 has steps of half a unit there, and the Gaussians have 0.05."""
+    points = np.random.default_rng(0).uniform(-3, 3, (200, 3)) + UTM
     rows = "".join("{:.6f} {:.6f} {:.6f}\n".format(*point) for point in points)
     properties = "".join(f"property double {axis}\n" for axis in "xyz")
     head = f"ply\nformat ascii 1.0\nelement vertex 200\n{properties}end_header\n"
@@ -86,7 +90,7 @@ def test_a_nerfstudio_captures_frame_is_that_of_its_own_points(
     for i in range(4):
         pose = np.eye(4)
         pose[:3, :3] = Rotation.from_euler("z", 0.7 * i).as_matrix()
-        pose[:3, 3] = middle + np.array([i, i % 2, 0])
+        pose[:3, 3] = UTM + np.array([i, i % 2, 0])
         photo_writer(tmp_path / "images" / f"{i}.png", seed=i)
         frames.append({"file_path": f"images/{i}.png", "transform_matrix": pose.tolist()})
     applied = [[1, 0, 0, 0], [0, 0, 1, 5], [0, -1, 0, 0]]
@@ -95,16 +99,29 @@ def test_a_nerfstudio_captures_frame_is_that_of_its_own_points(
     config = NerfstudioDataParserConfig(data=tmp_path, load_3D_points=True)
     parser = TransformsDataParser(config)
     outputs = parser.get_dataparser_outputs("train")
-    transform, scale = outputs.dataparser_transform.numpy(), outputs.dataparser_scale
+    assert torch.allclose(outputs.dataparser_transform, parser.oriented.transform.float())
+    dataset = SimpleNamespace(cameras=outputs.cameras)
+    manager: Any = SimpleNamespace(
+        dataparser=parser, train_dataparser_outputs=outputs, train_dataset=dataset
+    )
+    manager.remembered = partial(DeSplatDataManager.remembered, manager)
+    model = SimpleNamespace(effects=SimpleNamespace(background="off"))
+    run = SimpleNamespace(pipeline=SimpleNamespace(datamanager=manager, model=model))
     trained = replace(
         cloud(count=200),
         means=outputs.metadata["points3D_xyz"].double().numpy(),
-        scales=np.full((200, 3), 0.05 * scale, np.float32),
+        scales=np.full((200, 3), 0.05 * outputs.dataparser_scale, np.float32),
     )
-    there = moved(trained, similarity_to("capture", transform, scale, Y_UP))
-    if east > 1000:
-        with pytest.raises(ConfigError, match="--frame upright"):
-            check_precise(there)
-    else:
-        check_precise(there)
-        assert np.abs(there.means - points).max() <= OFF_BY * 0.05
+    monkeypatch.setattr(export, "load_run", lambda files, needs_photos: run)
+    monkeypatch.setattr(export, "static_cloud", lambda *options: (trained, None))
+    output = tmp_path / f"a.{ending}"
+    export_splats(RunFiles(tmp_path, tmp_path), Splats(output=output, frame="capture"))
+    offset = np.array((tmp_path / f"a.{ending}.offset.txt").read_text().split(), float)
+    content = output.read_bytes()
+    means = read_splats(content, ending).means
+    if ending == "ply":
+        assert "comment offset {} {} {}\n".format(*offset).encode() in content
+    assert np.abs(means + offset - points).max() <= OFF_BY * 0.05
+    assert (
+        offset == np.round(offset)
+    ).all() and f"a.{ending}.offset.txt" in capsys.readouterr().out
