@@ -71,14 +71,16 @@ class Masks(OfRun):
     for_training: bool = False
     """As --masks-path of training takes them: also for held-out photos, white; what was black in
     the masks that the run was given stays black."""
+    originals: Path | None = None
+    """Folder of the photos that desplat-process was given: masks fit these instead."""
     overwrite: bool = False
     """Write into a folder that is not empty; files of the same name are replaced."""
 
     def main(self) -> None:
         """As `Splats.main`."""
         files = self.find()
-        if self.for_training and self.invert:
-            raise ConfigError("--for-training does not go with --invert: training wants black.")
+        if self.for_training and (self.invert or self.originals):
+            raise ConfigError("--for-training goes neither with --invert nor with --originals.")
         check_new_folder(self.output, self.overwrite)
 
         from desplat_ns.tools.export.export import export_masks  # seconds

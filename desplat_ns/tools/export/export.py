@@ -99,7 +99,7 @@ def export_masks(files: RunFiles, asked: Masks) -> None:
             f"The run of {files.config} has no distractors, so there is nothing to mask: "
             "--pipeline.model.effects.distractors was False. Train without it."
         )
-    photos = list(photos_on_disk(manager))
+    photos = list(photos_on_disk(manager, asked.originals))
     others, given = others_for_training(manager) if asked.for_training else ([], None)
     names = mask_names([name for name, _ in photos] + [f.name for f in others], asked.names)
     shares = []

@@ -15,14 +15,17 @@ from nerfstudio.cameras.cameras import Cameras, CameraType
 
 from desplat_ns.cameras.views import is_distorted
 from desplat_ns.core.console import list_names
-from desplat_ns.core.errors import ConfigError
+from desplat_ns.core.errors import CaptureError, ConfigError
 from desplat_ns.data.colmap import DeSplatColmapDataParser
+from desplat_ns.data.downscale import PhotoSource
 from desplat_ns.data.images import image_size
-from desplat_ns.data.reconstruction import Frame
+from desplat_ns.data.poses import make_cameras
+from desplat_ns.data.reconstruction import Frame, read_reconstruction
 from desplat_ns.data.training_views import image_names
 from desplat_ns.layers import MASK_THRESHOLD
 from desplat_ns.model import DeSplatModel
 from desplat_ns.tools.export.formats import Naming
+from desplat_ns.tools.process.request import ORIGINALS
 from desplat_ns.training.datamanager import DeSplatDataManager
 
 WIDEST = 5.0
@@ -33,16 +36,25 @@ CRITERIA = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 50, 1e-9)
 """When inverting a lens model stops; OpenCV's default of 5 rounds is off by pixels in corners."""
 
 
-def photos_on_disk(manager: DeSplatDataManager) -> Iterator[tuple[str, Cameras]]:
+def photos_on_disk(
+    manager: DeSplatDataManager, originals: Path | None = None
+) -> Iterator[tuple[str, Cameras]]:
     """Of each training photo, in the order of the views: its path below the photos' folder, and the
-    camera [1] at its full size, with its distortion. Raises CaptureError of a lost photo."""
+    camera [1] at its full size, with its distortion. With the folder that `desplat-process` was
+    given, of the `originals` in it. Raises CaptureError of a lost photo."""
     outputs, parser = manager.train_dataparser_outputs, manager.dataparser
     cameras, paths = outputs.cameras, outputs.image_filenames
     names = image_names(paths)
     if isinstance(parser, DeSplatColmapDataParser):
-        names = [parser.reconstruction.frames[index].name for index in parser.views("train")]
-        whole = [parser.photos_folder / name for name in names]
-        paths = [a if a.is_file() else b for a, b in zip(whole, paths, strict=True)]
+        frames = [parser.reconstruction.frames[index] for index in parser.views("train")]
+        if originals is not None:
+            frames = _before_undistortion(parser.config.data, frames)
+            sources = [PhotoSource(Path(f.name), f.width, f.height) for f in frames]
+            cameras = make_cameras(frames, sources, cameras.camera_to_worlds)
+        names = [frame.name for frame in frames]
+        whole = [(originals or parser.photos_folder) / name for name in names]
+        both = zip(whole, paths, strict=True)
+        paths = [a if originals or a.is_file() else b for a, b in both]
     for index, (path, name) in enumerate(zip(paths, names, strict=True)):
         camera = cameras[index : index + 1]
         trained = int(camera.width), int(camera.height)
@@ -53,6 +65,18 @@ def photos_on_disk(manager: DeSplatDataManager) -> Iterator[tuple[str, Cameras]]
         camera.width = torch.full_like(camera.width, width)
         camera.height = torch.full_like(camera.height, height)
         yield name, camera
+
+
+def _before_undistortion(data: Path, frames: Sequence[Frame]) -> list[Frame]:
+    """Photos of a capture as `desplat-process` read them. Raises CaptureError where the capture
+    does not say how they were bent."""
+    if not (data / ORIGINALS).is_dir():
+        raise CaptureError(
+            f"{data} has no {ORIGINALS}/, which `desplat-process` writes. Leave out --originals, "
+            "or make the capture anew and train on it."
+        )
+    known = {frame.image_id: frame for frame in read_reconstruction(data, ORIGINALS).frames}
+    return [known[frame.image_id] for frame in frames]
 
 
 def others_for_training(manager: DeSplatDataManager) -> tuple[list[Frame], list[Path] | None]:

@@ -2,6 +2,7 @@
 
     OUTPUT/images         the undistorted photos                 } the capture
     OUTPUT/sparse/0       cameras, poses and points              }
+    OUTPUT/originals      the model of the photos as they were given
     OUTPUT/cameras.png    cameras and points from above
     OUTPUT/process.json   what was asked for; once the capture is made, the findings
     OUTPUT/work           copies of photos, COLMAP's databases and models; removed at the end

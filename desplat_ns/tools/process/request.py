@@ -20,6 +20,8 @@ CameraModel = Literal["auto", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "OPENCV_FISHE
 Effort = Literal["auto", "plain", "thorough"]
 MIN_PHOTOS = 3
 """Two photos can be posed, but there would be none to hold out."""
+ORIGINALS = Path("originals")
+"""In the capture: COLMAP's model of the photos as they were given, before undistortion."""
 MASKS = re.compile(r"(?<![a-z])masks?(?![a-z])", re.IGNORECASE)
 """In what folders of masks are called."""
 

@@ -18,11 +18,11 @@ from desplat_ns.core.cores import cores
 from desplat_ns.core.whole import write_whole
 from desplat_ns.tools.process.photos import JPEG_QUALITY, Photo, write_picture
 from desplat_ns.tools.process.reconstruction import Model
-from desplat_ns.tools.process.request import Request
+from desplat_ns.tools.process.request import ORIGINALS, Request
 
 
 def undistort(request: Request, model: Model, photos: Sequence[Photo]) -> None:
-    """Write OUTPUT/cameras.png, images and sparse/0, whole or not at all. Alpha is
+    """Write OUTPUT/cameras.png, images, sparse/0 and originals, whole or not at all. Alpha is
     undistorted as its photo is. Raises OSError where photos could not be written as a whole."""
     output, by_copy = request.output, {photo.copy: photo for photo in photos}
     flat = output / "work" / "undistorted"
@@ -35,13 +35,14 @@ def undistort(request: Request, model: Model, photos: Sequence[Photo]) -> None:
     flat_model = pycolmap.Reconstruction(flat / "sparse")
     bent_model = pycolmap.Reconstruction(model.folder)
     draw_from_above(flat_model, output / "cameras.png")
-    named, written = flat / "named", flat / "0"
+    named, written, originals = flat / "named", flat / "0", flat / "originals"
     for image_id in flat_model.reg_image_ids():
         image = flat_model.image(image_id)
         photo, copy = by_copy[image.name], flat / "images" / image.name
         if not (copy.is_file() and copy.read_bytes().endswith(b"\xff\xd9")):  # JPEG's end marker
             raise OSError(f"the undistorted {photo.name} is not whole")
         target, image.name = named / photo.name, photo.name
+        bent_model.image(image_id).name = photo.source
         target.parent.mkdir(parents=True, exist_ok=True)
         if target.suffix != ".png":
             copy.rename(target)
@@ -52,11 +53,12 @@ def undistort(request: Request, model: Model, photos: Sequence[Photo]) -> None:
         alpha = pycolmap.undistort_image(options, bent, lens)[0].to_array()
         with PIL.Image.open(copy) as picture:
             write_picture(target, np.dstack([np.asarray(picture), alpha]))
-    written.mkdir()
-    flat_model.write(written)
-    pycolmap.Reconstruction(written)  # a model that a full disk cut off is noticed here
-    targets = output / "images", output / "sparse" / "0"
-    for source, target in zip((named, written), targets, strict=True):
+    for place, whole in ((written, flat_model), (originals, bent_model)):
+        place.mkdir()
+        whole.write(place)
+        pycolmap.Reconstruction(place)  # a model that a full disk cut off is noticed here
+    targets = output / "images", output / ORIGINALS, output / "sparse" / "0"
+    for source, target in zip((named, originals, written), targets, strict=True):
         shutil.rmtree(target, ignore_errors=True)
         target.parent.mkdir(parents=True, exist_ok=True)
         source.rename(target)

@@ -1,13 +1,18 @@
 """Masks lie over the photos as they are on disk: their size, their lens, their names."""
 
+import shutil
+from pathlib import Path
+from typing import Any
+
 import cv2
 import numpy as np
 import pytest
 import torch
 from nerfstudio.cameras.cameras import Cameras, CameraType
 
-from desplat_ns.core.errors import ConfigError
+from desplat_ns.core.errors import CaptureError, ConfigError
 from desplat_ns.data.colmap import DeSplatColmapDataParserConfig
+from desplat_ns.data.images import read_grey
 from desplat_ns.tools.export.masks import (
     dilated,
     distractor_mask,
@@ -15,6 +20,10 @@ from desplat_ns.tools.export.masks import (
     photos_on_disk,
     pinhole_of,
 )
+from desplat_ns.tools.process.photos import prepare_photos
+from desplat_ns.tools.process.reconstruction import Model
+from desplat_ns.tools.process.request import Request
+from desplat_ns.tools.process.undistortion import undistort
 from desplat_ns.training.datamanager import DeSplatDataManager
 from tests.helpers.small_model import camera, cameras, distractors_of, make_model
 
@@ -114,6 +123,37 @@ def middle_of(image: np.ndarray) -> np.ndarray:
     """Of what is bright, in pixels from the image's corner."""
     rows, columns = np.mgrid[: image.shape[0], : image.shape[1]] + 0.5
     return np.array([(image * columns).sum(), (image * rows).sum()]) / image.sum()
+
+
+def test_what_a_capture_shows_is_masked_where_the_photo_that_process_was_given_has_it(
+    tmp_path: Path, model_writer: Any
+):
+    """Given twice as large as the copies of which the poses were found."""
+    sources, out, given = ["a.png", "b.png"], tmp_path / "out", tmp_path / "photos"
+    places = np.array([[70.0, 60.0], [560.0, 400.0]])
+    given.mkdir()
+    for source, place in zip(sources, places, strict=True):
+        rows, columns = np.mgrid[:480, :640] + 0.5
+        is_near = np.hypot(columns - place[0], rows - place[1]) < 8
+        cv2.imwrite(str(given / source), 255 * np.repeat(is_near[..., None], 3, 2).astype(np.uint8))
+    photos = prepare_photos(given, sources, out / "work" / "photos", 320)
+    copies = tuple(photo.copy for photo in photos)
+    lens = ("1 OPENCV 320 240 250 245 165 118 -0.2 0.05 0.003 -0.002",)
+    model = Model(model_writer(out / "work" / "model", copies, lens), copies, 2, 3, 0.4)
+    undistort(Request(given, out, longest_side=320), model, photos)
+    manager = manager_of(DeSplatColmapDataParserConfig(data=out, eval_mode="all"))
+    outputs = manager.train_dataparser_outputs
+    for index, (name, bent) in enumerate(photos_on_disk(manager, given)):
+        flat = read_grey(outputs.image_filenames[index])
+        matrix = outputs.cameras[index].get_intrinsics_matrices().numpy()
+        ray = (middle_of(flat * (flat > 0.2)) - matrix[:2, 2]) / np.diag(matrix)[:2]
+        pinhole, to_photo = pinhole_of(bent)
+        photo = to_photo(disc_at(pinhole, ray))
+        assert (name, photo.shape) == (sources[index], (480, 640))
+        assert np.abs(middle_of(photo) - places[index]).max() < 1
+    shutil.rmtree(out / "originals")
+    with pytest.raises(CaptureError, match="originals"):
+        list(photos_on_disk(manager, given))
 
 
 PHOTOS = ["left/0001.jpg", "left/0002.JPG", "right/0001.jpg"]
