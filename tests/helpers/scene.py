@@ -89,9 +89,11 @@ def contents(**changes: Any) -> PageScene:
     return replace(made_up, **changes)
 
 
-def drawn(cloud: SplatCloud, view: View) -> np.ndarray:
-    """Our own picture of it [H, W, 3], in [0, 1]."""
-    return splat_files.drawn(cloud, view, BACKGROUND).clip(0, 1)
+def drawn(
+    cloud: SplatCloud, view: View, background: tuple[float, float, float] = BACKGROUND
+) -> np.ndarray:
+    """Our own picture of it [H, W, 3], over a colour, in [0, 1]."""
+    return splat_files.drawn(cloud, view, background).clip(0, 1)
 
 
 def psnr(image: np.ndarray, other: np.ndarray) -> float:

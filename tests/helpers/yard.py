@@ -60,9 +60,15 @@ class Yard:
         photos = copied(self.write(folder / "photos", order, is_marked), folder / "copies")
         return features_of(photos, folder / "copies", folder / "database.db")
 
-    def film(self, path: Path) -> Path:
-        """A video that rests at each view, which is blurred, then sharp, then blurred again."""
-        writer = imageio_ffmpeg.write_frames(str(path), SIZE, fps=10, quality=9)
+    def film(self, path: Path, options: Sequence[str] = ()) -> Path:
+        """A video that rests at each view, which is blurred, then sharp, then blurred again.
+
+        Args:
+            options: further ones of ffmpeg.
+        """
+        writer = imageio_ffmpeg.write_frames(
+            str(path), SIZE, fps=10, quality=9, output_params=[*options]
+        )
         writer.send(None)
         for picture in self.pictures:
             blurred = cv2.GaussianBlur(picture, (0, 0), BLUR)
