@@ -11,17 +11,12 @@ import json
 import shutil
 import sys
 import time
-from contextlib import redirect_stderr, redirect_stdout
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any
 
 from desplat_ns.core.console import announce, time_in_words
 from desplat_ns.tools.studies.paper import METHODS, TABLES, TableName
-from desplat_ns.tools.studies.records import Record
 from desplat_ns.tools.studies.reproduce import Smoke, reproduce
-from desplat_ns.tools.studies.runs import LOG, PICTURES, RESULTS, Executor, Run, execute
-from desplat_ns.tools.studies.train_and_score import train_and_score
 from lab.reproduce.data_sets import write_data_sets
 
 FOLDER = Path("outputs/smoke")
@@ -29,26 +24,10 @@ FOLDER = Path("outputs/smoke")
 SHORT = Smoke(steps=100, side=48)
 
 GROUPS: tuple[tuple[TableName, ...], ...] = (
-    ("robustnerf", "on-the-go", "A7", "A8", "A9", "A5"),
-    ("fig9", "A6"),
+    ("robustnerf", "on-the-go", "A7"),
+    ("A5", "A6"),
 )
-"""What goes into one output folder: those of A7 to A9 share the runs of the first two."""
-
-
-def here(run: Run, folder: Path) -> Record:
-    """Do a run in this process, so that nothing is imported and compiled anew for each. Nothing
-    keeps runs from one another's leftovers."""
-    from nerfstudio.utils import writer
-
-    def train(method: str, options: list[str], draft: Path) -> dict[str, Any]:
-        for kept in (writer.EVENT_WRITERS, writer.EVENT_STORAGE, writer.GLOBAL_BUFFER):
-            kept.clear()  # nerfstudio 1.1.5 keeps those of earlier runs
-        with (draft / LOG).open("w") as file, redirect_stdout(file), redirect_stderr(file):
-            results = train_and_score(method, options, draft / PICTURES)
-        (draft / RESULTS).write_text(json.dumps(results))
-        return results
-
-    return execute(run, folder, train)
+"""What goes into one output folder: A7 shares the runs of the first two."""
 
 
 def run_tables(folder: Path, names: tuple[TableName, ...]) -> list[str]:
@@ -58,7 +37,7 @@ def run_tables(folder: Path, names: tuple[TableName, ...]) -> list[str]:
         table, began, wall = TABLES[name], time.process_time(), time.monotonic()
         methods = tuple(METHODS[method] for method in table.methods)
         places = (folder / "data", folder / f"tables-{names[0]}")
-        made = reproduce(table, *places, methods, 1, Executor(do=here), SHORT)
+        made = reproduce(table, *places, methods, 1, SHORT)
         wrong += missing_figures(name, made)
         seconds, wall = time.process_time() - began, time.monotonic() - wall
         announce(f"{name}: {seconds:.0f} s of CPU time, {wall:.0f} s on the clock.")
@@ -77,7 +56,7 @@ def missing_figures(name: TableName, folder: Path) -> list[str]:
         for scene in table.scenes
         if (scene.name, method, metric.name) not in there
         and (metric.name != "lpips" or has_lpips)
-        and (metric.name != "distractor_mb" or method.startswith("desplat"))
+        and (metric.name != "distractor_memory_mb" or method.startswith("desplat"))
     ]
 
 

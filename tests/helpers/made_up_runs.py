@@ -20,8 +20,6 @@ def made_up(run: Run, folder: Path) -> Record:
         "distractor_memory_mb": 10.0,
         "num_static_gaussians": 1000,
         "train_wall_seconds": run.steps / 10,
-        "seconds_per_image_render": 0.005,
-        "seconds_per_image_with_metrics": 0.01,
         "backend": "gsplat",
     }
     return Record(CODE, "2026-11-27", *run.key, scores, 5 + run.steps / 10, "a device")

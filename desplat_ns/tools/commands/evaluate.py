@@ -2,7 +2,7 @@
 
 import json
 from contextlib import ExitStack
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,7 @@ from desplat_ns.core.whole import (
     whole_folder,
     write_whole,
 )
-from desplat_ns.evaluation.config import EvaluationConfig, ProtocolName, in_words
+from desplat_ns.evaluation.config import ProtocolName, in_words
 from desplat_ns.tools.commands import OfRun, run
 
 
@@ -32,11 +32,7 @@ class Evaluate(OfRun):
     """half: find each image's embedding on its left half, score its right half. full: score whole
     images in the training images' average light. right: score right halves in that light, to
     compare a model without appearance with others on the same pixels. auto: half if images have a
-    light of their own, else full. This and the next three: without them, as saved with the run."""
-    steps: int | None = None
-    """Steps of Adam for an embedding; `appearance camera` alone takes none."""
-    learning_rate: float | None = None
-    """Of the embedding."""
+    light of their own, else full. This and the next: without them, as saved with the run."""
     lpips_net: LpipsNet | None = None
     """Of LPIPS: alex (AlexNet) as nerfstudio, vgg (VGG16) as 3DGS and what is built on it."""
     overwrite: bool = False
@@ -74,7 +70,7 @@ class Evaluate(OfRun):
 
     def _with_protocol(self, config: Any) -> Any:
         """A run's configuration with the options that were given."""
-        options = {f.name: getattr(self, f.name) for f in fields(EvaluationConfig)}
+        options = {"protocol": self.protocol, "lpips_net": self.lpips_net}
         given = {name: value for name, value in options.items() if value is not None}
         config.pipeline.evaluation = replace(config.pipeline.evaluation, **given)
         return config

@@ -11,7 +11,7 @@ from desplat_ns.core.console import announce
 from desplat_ns.core.errors import CaptureError, ConfigError
 from desplat_ns.core.options import check_ranges, ranged
 from desplat_ns.tools.commands import run
-from desplat_ns.tools.studies.paper import TABLES, TableName, method_of
+from desplat_ns.tools.studies.paper import METHODS, TABLES, Method, TableName
 
 
 @dataclass
@@ -19,24 +19,20 @@ class Arguments:
     """Train and score what a table of the paper needs, and write it with the paper's figures
     beside, as Markdown and JSON.
 
-    What is done already in the output folder is gone on with; tables of the same runs (A7, A8, A9)
-    share them there. `desplat-fetch-data` downloads the data sets.
+    What is done already in the output folder is gone on with; A7 shares the runs of the
+    tables of its data sets there. `desplat-fetch-data` downloads the data sets.
     """
 
     table: Annotated[TableName, tyro.conf.Positional]
-    """robustnerf, on-the-go: PSNR, SSIM, LPIPS. fig9: RobustNeRF by the share of cluttered photos.
-    A5: Photo Tourism. A6: Mip-NeRF 360. A7: memory. A8: training time. A9: rendering speed."""
+    """robustnerf, on-the-go: PSNR, SSIM, LPIPS. A5: Photo Tourism. A6: Mip-NeRF 360. A7: memory."""
     data: Path = Path("data")
     """Folder with the data sets, as `desplat-fetch-data` makes it."""
     output: Path = Path("reproduced")
     """Folder for the tables and what is trained."""
     methods: tuple[str, ...] = ()
-    """That are compared, without any those of the table; `module:attribute` of a
-    MethodSpecification names one of others."""
+    """That are compared, without any those of the table; also others that ns-train knows."""
     seeds: int = ranged(1, "[1, inf)")
     """Trainings of each method on each scene, whose figures are averaged."""
-    jobs: int = ranged(1, "[1, inf)")
-    """Trainings beside each other. Times and speeds (A8, A9) are to be measured alone."""
     smoke: bool = False
     """Try everything in minutes: 100 steps, photos of 160 pixels. The figures mean nothing."""
 
@@ -45,24 +41,29 @@ class Arguments:
         DeSplatError where an option cannot be, or as `reproduce.reproduce`."""
         check_ranges(self)
         table = TABLES[self.table]
-        methods = tuple(map(method_of, dict.fromkeys(self.methods or table.methods)))
         if not self.data.is_dir():
             raise CaptureError(
                 f"There is no folder '{self.data}'. Name that with the data sets by --data; "
                 "`desplat-fetch-data` lists what there is and downloads it."
             )
 
+        from nerfstudio.configs.method_configs import all_methods
+
         from desplat_ns.tools.studies.methods import method_config  # seconds: not before the checks
         from desplat_ns.tools.studies.reproduce import Smoke, reproduce
-        from desplat_ns.tools.studies.runs import Executor
 
+        names = list(dict.fromkeys(self.methods or table.methods))
+        if unknown := [name for name in names if name not in {*METHODS, *all_methods}]:
+            known = ", ".join(METHODS)
+            raise ConfigError(f"--methods names '{unknown[0]}'. There are {known}, and ns-train's.")
+        methods = tuple(METHODS.get(name, Method(name, name)) for name in names)
         if not self.smoke and method_config("desplat").machine.device_type == "cpu":
             raise ConfigError(
                 "This machine has no GPU, on which the runs are meant to be done. Add --smoke to "
                 "try the same with few steps and small photos."
             )
-        executor, smoke = Executor(self.jobs), Smoke() if self.smoke else None
-        folder = reproduce(table, self.data, self.output, methods, self.seeds, executor, smoke)
+        smoke = Smoke() if self.smoke else None
+        folder = reproduce(table, self.data, self.output, methods, self.seeds, smoke)
         announce(f"Written: {folder / 'table.md'}, and table.json beside it.")
 
 

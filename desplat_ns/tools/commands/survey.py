@@ -1,6 +1,5 @@
 """`desplat-survey`: which effects does a capture call for? Looked at before training."""
 
-import io
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -25,24 +24,22 @@ class Arguments:
     data: Annotated[Path, tyro.conf.Positional]
     """Folder of the capture; `--data DATA`, as in ns-train, says the same."""
     output: Path = Path("survey")
-    """Folder for survey.json (findings, figures, thresholds) and survey.png (the evidence)."""
+    """Folder for survey.json: findings, figures, thresholds."""
     overwrite: bool = False
-    """Replace these two files if they are there."""
+    """Replace this file if it is there."""
 
     def main(self, parser: tuple[str, ...] = ()) -> None:
         """Survey by a data parser of this name and options, or the recognised one, print and write.
         Raises DeSplatError where that cannot be; at once where that can be told."""
         if not self.data.exists():
             raise CaptureError(f"There is no '{self.data}'. Name the folder of a capture.")
-        findings_file, sheet_file = self.output / "survey.json", self.output / "survey.png"
-        for file in (findings_file, sheet_file):
-            check_new_file(file, self.overwrite)
+        file = self.output / "survey.json"
+        check_new_file(file, self.overwrite)
 
         from desplat_ns.core.whole import plain_errors, write_whole
         from desplat_ns.data.layouts import DeSplatDataParserConfig
         from desplat_ns.data.parsers import without_prompts
         from desplat_ns.survey.survey import survey
-        from desplat_ns.tools.commands.survey_sheet import evidence_picture
         from desplat_ns.training.datamanager import AnyDataParser  # seconds: checks first
 
         chosen: Any = DeSplatDataParserConfig()
@@ -50,15 +47,12 @@ class Arguments:
             chosen = tyro.cli(AnyDataParser, prog="desplat-survey DATA", args=list(parser))
         chosen.data = self.data
         outputs = without_prompts(chosen).setup().get_dataparser_outputs("train")
-        findings, evidence = survey(outputs)
+        findings, _ = survey(outputs)
         for line in findings.summary():
             announce(line)
-        sheet = io.BytesIO()
-        evidence_picture(evidence).save(sheet, "PNG")
         with plain_errors(self.output):
-            write_whole(findings_file, findings.to_json().encode())
-            write_whole(sheet_file, sheet.getvalue())
-        announce(f"Saved {findings_file} and {sheet_file}.")
+            write_whole(file, findings.to_json().encode())
+        announce(f"Saved {file}.")
 
 
 main = partial(run_on_capture, Arguments, "desplat-survey")

@@ -8,9 +8,7 @@ from typing import Annotated
 import tyro
 
 from desplat_ns.core.console import announce
-from desplat_ns.core.cores import cores
 from desplat_ns.core.errors import CaptureError
-from desplat_ns.core.options import check_ranges, ranged
 from desplat_ns.core.schedule import seconds_of
 from desplat_ns.tools.commands import run_on_capture
 
@@ -29,26 +27,17 @@ class Arguments:
     """Wall time for the whole study, earlier sessions included."""
     output: Path = Path("tradeoff")
     """Folder for the report, records.jsonl and the runs. What is there already is gone on with."""
-    jobs: int = ranged(0, "[0, inf)")
-    """Trainings beside each other, one thread each; 0: one on a GPU, else one for each core, eight
-    at most."""
 
     def main(self, parser: tuple[str, ...]) -> None:
         """Check what can be checked at once, then measure by a data parser of this name and
         options, or the method's own. Raises DeSplatError as `tradeoff.tradeoff`."""
-        check_ranges(self)
         seconds = seconds_of(self.time, "--time")
         if not self.data.exists():
             raise CaptureError(f"There is no '{self.data}'. Name the folder of a capture.")
 
-        from desplat_ns.tools.studies.methods import method_config  # seconds: not before the checks
-        from desplat_ns.tools.studies.runs import Executor
-        from desplat_ns.tools.studies.tradeoff import BASE, tradeoff
+        from desplat_ns.tools.studies.tradeoff import tradeoff  # seconds: not before the checks
 
-        # a GPU is shared badly, and times beside others mean little
-        on_cpu = method_config(BASE).machine.device_type == "cpu"
-        jobs = self.jobs or (min(cores(), 8) if on_cpu else 1)
-        page = tradeoff(self.data, parser, self.output, seconds, Executor(jobs))
+        page = tradeoff(self.data, parser, self.output, seconds)
         announce(f"Written: {page}")
 
 

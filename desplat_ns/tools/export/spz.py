@@ -66,13 +66,11 @@ def color_bytes(cloud: SplatCloud) -> UInt8[np.ndarray, " B"]:
 
 def placed(cloud: SplatCloud) -> tuple[Bool[np.ndarray, " N"], str]:
     """For which Gaussians a file has places that are precise enough, and what to tell a user, if
-    there is something.
+    there is something. Those beyond LARGEST / 2^bits are left out, at most a share `FAR` of all:
+    one that floats far away would coarsen all the others.
 
     A place is rounded to a multiple of 2^-bits, so it is off by 2^-bits / 2 at most: by `OFF_BY` of
-    a scale s, or less, from bits = ceil(log2(1 / (2 OFF_BY s))) on. A share `PRECISE` of the
-    Gaussians is larger than s. With these bits coordinates end at LARGEST / 2^bits. Gaussians
-    beyond are left out, at most a share `FAR` of all: one that floats far away would coarsen all
-    the others.
+    the cloud's `size` s, or less, from bits = ceil(log2(1 / (2 OFF_BY s))) on.
     """
     reach = np.abs(cloud.means).max(axis=1)
     needed = math.ceil(-math.log2(2 * OFF_BY * cloud.size))

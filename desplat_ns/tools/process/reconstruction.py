@@ -5,9 +5,8 @@ Where the camera moves, the scene moves in the picture, and what stays is fixed 
 watermark, a dashboard, the photographer's stick. Matches at equal pixel positions, which would tie
 photos that share nothing, are left out.
 
-How alike photos look follows from their features alone, by VLAD (Jégou et al., Aggregating Local
-Descriptors into a Compact Image Representation, CVPR 2010): the features of a photo are summed up
-as their differences from the nearest of a few words, which are learned from the same photos.
+How alike photos look follows from their features, by VLAD (Jégou et al., CVPR 2010): the features
+of a photo are summed up as their differences from the nearest of a few words, learned from them.
 Letters in shapes: N photos, D numbers of a descriptor.
 """
 

@@ -78,8 +78,7 @@ def verdict(
     Args:
         steps, planned: done, and of the whole run; None if a budget set its end.
         num_photos: training photos.
-        results: of the held-out photos, `detail` among the figures of each, `empty` and `veiled`
-            (`pictures.held_out_photos`) among those of the worst; empty without any.
+        results: of the held-out photos, as of `pictures.held_out_photos`; empty without any.
         masks: as in `found_in_words`.
         places: training photos in groups that show nothing in common (`views.apart`).
         left_out: photos that got no pose, by the reason.

@@ -24,8 +24,7 @@ from desplat_ns.training.pipeline import DeSplatPipeline
 PLACES = 4_000
 """Opaque static Gaussians that are looked for in the photos, evenly chosen."""
 MOST_PHOTOS = 200
-"""Training photos; with more, none is said to show something alone: to look at all takes minutes,
-and a part of them does not tell."""
+"""Training photos; of more, none is looked at: all take minutes, and a part does not tell."""
 SAME_DEPTH = 0.1
 """Share of the rendered depth by which a Gaussian may lie behind it and still be seen."""
 IN_COMMON = 0.02
@@ -72,9 +71,9 @@ def _places(
 
 
 def alone(names: Sequence[str], shown: Bool[Tensor, "V P"]) -> dict[str, float]:
-    """Photos of which no other photo shows more than `MUCH`, with that share of what they show;
-    those that show most come first. Nobody can check such a part: its depth is not known, and an
-    object in the way would be taken for the scene. `shown`: which points each photo shows."""
+    """Photos of which no other photo shows more than `MUCH`, with that share of what they show, the
+    largest first: an object in the way would be taken for the scene there. `shown`: which points
+    each photo shows."""
     lonely = shown & (shown.sum(dim=0) == 1)
     shares = (lonely.sum(dim=1) / shown.sum(dim=1).clamp(min=1)).tolist()
     ranked = sorted(zip(shares, names, strict=True), reverse=True)

@@ -102,6 +102,7 @@ class PageScene:
     weigh: Callable[[SplatCloud], Float[np.ndarray, " N"]]
     """How much each of its Gaussians makes up of the photos; asked for if not all fit."""
     background: Color
+    """Behind everything: the mean of what is behind the first photo."""
     light: str
     """Whose light is shown: a photo, or `AVERAGE`; empty where all photos have the same."""
     cameras: Sequence[PageCamera]

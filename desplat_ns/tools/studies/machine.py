@@ -12,11 +12,9 @@ DIRTY = "-dirty"
 """Ends the commit where files of the package differ from it."""
 
 
-def code_version(package: Path | None = None) -> str:
-    """The commit of a package's folder, by default of the running `desplat_ns`, with `DIRTY` behind
-    it where a file there was changed or added; `desplat-ns` and the version where git does not
-    track the package."""
-    package = package or Path(desplat_ns.__file__).parent
+def code_version(package: Path = Path(desplat_ns.__file__).parent) -> str:
+    """The commit of a package's folder, with `DIRTY` behind it where a file there was changed or
+    added; `desplat-ns` and the version where git does not track the package."""
 
     def git(*arguments: str) -> str:
         line = ["git", "-C", str(package), *arguments]

@@ -1,7 +1,6 @@
 """Methods, their options and captures, as `ns-train` takes them."""
 
 import copy
-import importlib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -10,13 +9,9 @@ from desplat_ns.core.errors import CaptureError, DeSplatError
 
 
 def method_config(method: str) -> Any:
-    """A copy of the configuration of a method that nerfstudio knows, or of a MethodSpecification
-    that is named as `module:attribute`. Raises KeyError where there is none."""
+    """A copy of the configuration of a method of nerfstudio's. Raises KeyError of another name."""
     from nerfstudio.configs.method_configs import all_methods  # takes seconds: not for `--help`
 
-    module, _, attribute = method.partition(":")
-    if attribute:
-        return copy.deepcopy(getattr(importlib.import_module(module), attribute).config)
     return copy.deepcopy(all_methods[method])
 
 

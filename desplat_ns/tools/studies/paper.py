@@ -1,23 +1,21 @@
 """The paper's tables: data sets as they are trained on and scored, methods, metrics, and the
-figures of Tables A5 to A9 of its supplement.
+figures of Tables A5 to A7 of its supplement. A8 and A9 are times of a Tesla V100.
 
 `paper.txt` has a line for each row: table and metrics, row, and the figures scene by scene in the
-order of `TABLES`, a dash where the paper has one. A7 to A9 have the mean behind them. A8 is in
-minutes:seconds. The mean of Splatfacto's eleven figures of A9 is 94.10; the paper prints 94.01.
+order of `TABLES`, a dash where the paper has one. A7 has the mean behind them.
 """
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cache, reduce
+from functools import cache
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
-from desplat_ns.core.errors import ConfigError
 from desplat_ns.core.options import LpipsNet
 from desplat_ns.evaluation.config import ProtocolName
 
-TableName = Literal["robustnerf", "on-the-go", "fig9", "A5", "A6", "A7", "A8", "A9"]
+TableName = Literal["robustnerf", "on-the-go", "A5", "A6", "A7"]
 LPIPS_NET: LpipsNet = "alex"
 """The supplement names none. nerfstudio 1.1.4, on which the paper is built (B.3), calls LPIPS
 without naming one, which gives AlexNet."""
@@ -70,15 +68,6 @@ def _scenes(data_set: str, downscale: int | None, names: str, *reader: str) -> l
 
 
 ROBUSTNERF = _scenes("robustnerf", 8, "Statue, Android, Crab (1), Crab (2), Yoda")
-CLUTTERED = [
-    replace(
-        scene,
-        name=f"{scene.name}, {ratio:.0%} cluttered",
-        reader=(*scene.reader, "--train-split-clean-clutter-ratio", str(ratio)),
-    )
-    for scene in ROBUSTNERF[3:]
-    for ratio in (0.0, 0.25, 0.5, 0.75, 1.0)  # ours: the supplement does not name them
-]
 ON_THE_GO = [
     *_scenes("on-the-go", 8, "Mountain, Fountain, Corner"),
     *_scenes("on-the-go", 4, "Patio"),
@@ -102,7 +91,7 @@ class Method:
 
     name: str
     method: str
-    """That nerfstudio knows, or `module:attribute` of a MethodSpecification."""
+    """That nerfstudio knows."""
     paper: str = ""
     """The row of the paper's tables that it stands beside; empty for none."""
     options: tuple[str, ...] = ()
@@ -133,61 +122,29 @@ METHODS = {
 its masks."""
 
 
-def method_of(name: str) -> Method:
-    """A method of the table above, or `module:attribute`. Raises ConfigError of another name."""
-    if name in METHODS:
-        return METHODS[name]
-    if ":" not in name:
-        raise ConfigError(
-            f"--methods names '{name}'. There are: {', '.join(METHODS)}; another one is named as "
-            "module:attribute of its MethodSpecification."
-        )
-    return Method(name.replace(":", "."), name)
-
-
 @dataclass(frozen=True)
 class Metric:
     """A figure of a table."""
 
     name: str
+    """Of the evaluation's score."""
     title: str
-    score: str
-    """Of the evaluation, from which it comes."""
     form: str = ".2f"
-    """How tables write it; `m:ss` is minutes:seconds."""
-    is_rate: bool = False
-    """Whether it is one over the evaluation's score."""
+    """How tables write it."""
 
-    def of(self, scores: Mapping[str, Any]) -> float | None:
-        """Its value; None where the evaluation has no such score."""
-        value = scores.get(self.score)
-        return 1 / value if self.is_rate and value else value
-
-    def text(self, value: float | int | None, sign: str = "") -> str:
+    def text(self, value: float | None, sign: str = "") -> str:
         """As tables write it; with `sign` "+" also a positive value has its sign."""
-        if value is None:
-            return "-"
-        if self.form != "m:ss":
-            return format(value, sign + self.form)
-        minutes, seconds = divmod(round(abs(value)), 60)
-        return f"{'-' if value < 0 else sign}{minutes}:{seconds:02d}"
+        return "-" if value is None else format(value, sign + self.form)
 
 
 _IMAGES = (
-    Metric("psnr", "PSNR, dB, the higher the better", "psnr"),
-    Metric("ssim", "SSIM, the higher the better", "ssim", ".3f"),
-    Metric("lpips", "LPIPS, the lower the better", "lpips", ".3f"),
+    Metric("psnr", "PSNR, dB, the higher the better"),
+    Metric("ssim", "SSIM, the higher the better", ".3f"),
+    Metric("lpips", "LPIPS, the lower the better", ".3f"),
 )
 _MEMORY = (
-    Metric("static_mb", "Static Gaussians, MB (10^6 bytes)", "static_memory_mb"),
-    Metric("distractor_mb", "Distractor Gaussians, MB (10^6 bytes)", "distractor_memory_mb"),
-)
-_STEPS = "Training steps, minutes:seconds, without set-up and evaluation"
-_TIME = (Metric("train_seconds", _STEPS, "train_wall_seconds", "m:ss"),)
-_SCORED = "Images per second, rendered and scored, as ns-eval counts them (App. C.2)"
-_SPEED = (
-    Metric("fps_with_metrics", _SCORED, "seconds_per_image_with_metrics", is_rate=True),
-    Metric("fps", "Images per second, rendered alone", "seconds_per_image_render", is_rate=True),
+    Metric("static_memory_mb", "Static Gaussians, MB (10^6 bytes)"),
+    Metric("distractor_memory_mb", "Distractor Gaussians, MB (10^6 bytes)"),
 )
 
 
@@ -208,7 +165,6 @@ class Table:
 
 _MAIN_TEXT = "The paper's figures are in its main text; this package has those of the supplement."
 _MB = "The paper does not say which MB it means."
-_V100 = "The paper's are of a Tesla V100 (B.3)."
 _BOTH = (*ROBUSTNERF, *ON_THE_GO)
 _LIT = tuple(name for name, method in METHODS.items() if method.has_light)
 _A5 = (*_LIT[:3], "splatfacto", *_LIT[3:])
@@ -217,12 +173,9 @@ TABLES: dict[TableName, Table] = {
     for table in (
         Table("robustnerf", "RobustNeRF", ROBUSTNERF, _IMAGES, _MAIN_TEXT),
         Table("on-the-go", "NeRF On-the-go", ON_THE_GO, _IMAGES, _MAIN_TEXT),
-        Table("fig9", "Fig. 9 left: shares of clutter", CLUTTERED, _IMAGES, _MAIN_TEXT),
         Table("A5", "Table A5: Photo Tourism", PHOTO_TOURISM, _IMAGES, methods=_A5),
         Table("A6", "Table A6: Mip-NeRF 360", MIPNERF360, _IMAGES),
         Table("A7", "Table A7: memory", _BOTH, _MEMORY, _MB),
-        Table("A8", "Table A8: training time", _BOTH, _TIME, _V100),
-        Table("A9", "Table A9: rendering speed", _BOTH, _SPEED, _V100),
     )
 }
 """By the name that is typed."""
@@ -231,8 +184,7 @@ TABLES: dict[TableName, Table] = {
 @cache
 def figures_of(table: TableName) -> dict[tuple[str, str, str], float | None]:
     """All figures of a table, by row, scene or `MEAN`, and metric; none of one that is in the main
-    text. Rows are called as in the text: DeSplat, and DeSplat-A without background. A8 in seconds.
-    """
+    text. Rows are called as in the text: DeSplat, and DeSplat-A without background."""
     figures: dict[tuple[str, str, str], float | None] = {}
     columns = [*(scene.name for scene in TABLES[table].scenes), MEAN]
     for line in Path(__file__).with_suffix(".txt").read_text("utf8").splitlines():
@@ -240,12 +192,6 @@ def figures_of(table: TableName) -> dict[tuple[str, str, str], float | None]:
         name, *metrics = of.split()
         if name == table:
             places = [(row, scene, metric) for scene in columns for metric in metrics]
-            figures |= zip(places, map(_number, values.split()), strict=False)  # A5, A6: no mean
+            found = (None if word == "-" else float(word) for word in values.split())
+            figures |= zip(places, found, strict=False)  # A5, A6: no mean
     return figures
-
-
-def _number(word: str) -> float | None:
-    """A figure, or the seconds of `minutes:seconds` or `hours:minutes:seconds`; None of a dash."""
-    if word == "-":
-        return None
-    return reduce(lambda total, part: 60 * total + part, map(float, word.split(":")))

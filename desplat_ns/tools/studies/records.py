@@ -31,7 +31,7 @@ class Record:
     date: str
     """Day on which the run ended, ISO 8601, UTC."""
     method: str
-    """A name that nerfstudio knows, or `module:attribute` of a MethodSpecification."""
+    """A name that nerfstudio knows."""
     options: str
     """Of `ns-train`, the data parser's included; without the seed and the folders."""
     capture: str
@@ -39,7 +39,7 @@ class Record:
     scores: Mapping[str, Any]
     """Numbers and texts of the evaluation, by its names."""
     seconds: float | int
-    """Wall time of the process from its start to its end."""
+    """Wall time with set-up and evaluation."""
     device: str
     """Name of the GPU, or of the processor."""
 

@@ -18,7 +18,7 @@ from desplat_ns.metrics import lpips_weights
 from desplat_ns.tools.studies.methods import content_of, method_config, splits_of
 from desplat_ns.tools.studies.paper import LPIPS_NET, MEAN, Method, PaperScene, Table, figures_of
 from desplat_ns.tools.studies.records import Key, Record, conditions_of, open_records
-from desplat_ns.tools.studies.runs import Executor, Run
+from desplat_ns.tools.studies.runs import Do, Run, execute, finish
 
 TEMPLATE = Path(__file__).with_name("table.md.jinja")
 
@@ -77,12 +77,11 @@ def reproduce(
     output: Path,
     methods: tuple[Method, ...],
     seeds: int,
-    executor: Executor,
     smoke: Smoke | None = None,
+    do: Do = execute,
 ) -> Path:
     """Run what a table needs of the data sets in a folder, and write it; the folder that holds it.
-    Raises as `open_records` and `find_contents`, and DeSplatError where runs failed; the table is
-    written without them."""
+    Raises DeSplatError, also where runs failed; the table is written without them."""
     with only_process_in(output):
         records = open_records(output)
         contents = find_contents(table, data, smoke)
@@ -91,7 +90,7 @@ def reproduce(
 
         def left() -> str:
             done = [records[run.key].seconds for run in runs if run.key in records]
-            seconds = (len(runs) - len(done)) * fmean(done) / executor.jobs
+            seconds = (len(runs) - len(done)) * fmean(done)
             return f"Runs left: {len(runs) - len(done)}, {about(seconds)}."
 
         done = sum(run.key in records for run in runs)
@@ -105,7 +104,7 @@ def reproduce(
                 "Where there is no network, copy them there first; else LPIPS is left out.",
                 warning=True,
             )
-        failed = executor.finish(runs, records, output, left)
+        failed = finish(runs, records, output, left, do)
         folder = output / (table.name + "-smoke" * (smoke is not None))
         write_table(grid, records, failed, folder)
     if failed:
@@ -180,7 +179,9 @@ def cells_of(grid: Grid, records: dict[Key, Record]) -> dict[tuple[str, str, str
     cells: dict[tuple[str, str, str], dict[str, Any]] = {}
     for metric, method in product(grid.table.metrics, grid.methods):
         columns = {
-            scene: [metric.of(done.get((scene, method.name, seed), {})) for seed in grid.seeds]
+            scene: [
+                done.get((scene, method.name, seed), {}).get(metric.name) for seed in grid.seeds
+            ]
             for scene in scenes
         }
         if is_whole and len(scenes) > 1:

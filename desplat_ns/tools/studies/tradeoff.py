@@ -1,5 +1,5 @@
-"""`desplat-tradeoff`: what accuracy costs in time on a capture. Which runs fit into the time is
-planned, then they are done. Ended at any time, a study goes on where it was."""
+"""`desplat-tradeoff`: what accuracy costs in time. All variants are trained for a few steps, then
+for twice as many, and so on while time is left. Ended at any time, a study goes on where it was."""
 
 import time
 from collections.abc import Iterable, Iterator
@@ -7,25 +7,19 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from desplat_ns.backend.registry import compile_kernels, default_device
-from desplat_ns.core.console import about, announce
 from desplat_ns.core.effects import AppearanceGrade, Effects
 from desplat_ns.core.errors import ConfigError, DeSplatError
 from desplat_ns.core.whole import only_process_in
 from desplat_ns.survey.survey import decided_effects
 from desplat_ns.tools.studies.methods import content_of, method_config, splits_of
 from desplat_ns.tools.studies.records import Key, Record, open_records
-from desplat_ns.tools.studies.runs import Executor, Run
+from desplat_ns.tools.studies.runs import Do, Run, execute, finish
 
 BASE = "desplat"
 """The method whose options are varied, and its variant of all defaults."""
 SEEDS = (42, 43, 44)
-"""A difference is claimed only where all were measured: `page.verdicts`."""
-LADDER = (0.25, 0.5, 1.0, 2.0, 4.0)
-"""Lengths of the base's runs, in lengths of the comparison."""
 SHORTEST = 125
-"""Steps of the first run. A comparison has these, doubled some times."""
-WANTED = 500
-"""Steps of a comparison up to which one seed has to do: of shorter runs little can be learned."""
+"""Steps of the first runs. Later ones have these, doubled some times."""
 GROWTH = 1.5
 """What a step of a longer run is expected to take, of one of the first: Gaussians grow."""
 GRADES: tuple[AppearanceGrade, ...] = ("off", "camera", "affine")
@@ -46,46 +40,38 @@ class Study:
     output: Path
     seconds: float
     """Of wall time, for the whole study."""
-    executor: Executor
     records: dict[Key, Record]
+    do_run: Do = execute
     failed: dict[str, str] = field(default_factory=dict)
     """Why a run has no record, by its name."""
 
     def __post_init__(self) -> None:
-        self.planned = [self.run_of()]
+        self.planned = self.plan(method_config(BASE).nominal_num_iterations)
         earlier = sum(record.seconds for record in self.records.values())
-        self._began = time.monotonic() - earlier / self.executor.jobs
+        self._began = time.monotonic() - earlier
 
     @property
     def spent(self) -> float:
         """Seconds of wall time. Of earlier sessions those of the runs count."""
         return time.monotonic() - self._began
 
-    @property
-    def missing(self) -> list[Run]:
-        """The planned runs that have no record."""
-        return [run for run in self.planned if run.key not in self.records]
-
-    def run_of(self, variant: str = BASE, steps: int = SHORTEST, seed: int = SEEDS[0]) -> Run:
-        """A variant as it is trained; by default the run that is done first, whatever the plan."""
-        _, options = compared(self.effects)[variant]
-        return Run(variant, BASE, options, steps, seed, self.data, self.parser)
-
-    def plan(self, steps: int, most: int) -> list[Run]:
-        """All runs for a comparison at a number of steps, none longer than `most`, the most telling
-        first: seed after seed the base's lengths, then every variant."""
-        lengths = [max(1, round(steps * length)) for length in LADDER if steps * length <= most]
-        runs = [self.run_of()]
-        for seed in SEEDS:
-            runs += [self.run_of(BASE, length, seed) for length in lengths[:-1]]
-            runs += [self.run_of(name, steps, seed) for name in compared(self.effects)]
-            runs += [self.run_of(BASE, lengths[-1], seed)]
-        return list(dict.fromkeys(runs))
+    def plan(self, most: int) -> list[Run]:
+        """All runs, none longer than `most` steps, in the order in which they are done: every
+        variant at one length after the other, then the longest ones with other seeds first."""
+        lengths = [SHORTEST]
+        while 2 * lengths[-1] <= most:
+            lengths.append(2 * lengths[-1])
+        rounds = [(steps, SEEDS[0]) for steps in lengths]
+        rounds += [(steps, seed) for steps in reversed(lengths) for seed in SEEDS[1:]]
+        return [
+            Run(name, BASE, options, steps, seed, self.data, self.parser)
+            for steps, seed in rounds
+            for name, (_, options) in compared(self.effects).items()
+        ]
 
     def expected(self, run: Run) -> float:
-        """Wall seconds of a run, from the start of its process to the end, by the longest planned
-        one of its variant that is done, or of the base: the first run is done. Imports, reading
-        photos and evaluation take as long as there, each step as long as one there."""
+        """Wall seconds of a run, by the longest one of its variant that is done, or of the base:
+        all but the steps takes as long as there, each step as long as one there."""
         done = [each for each in self.planned if each.key in self.records]
         alike = [each for each in done if each.variant == run.variant]
         base = [each for each in done if each.variant == BASE]
@@ -95,23 +81,11 @@ class Study:
         growth = GROWTH if run.steps > known.steps == SHORTEST else 1.0
         return record.seconds - training + run.steps * growth * training / known.steps
 
-    def steps_that_fit(self, most: int) -> int:
-        """Steps of the longest comparison of which all runs fit into the time; up to `WANTED` steps
-        those of the first seed. The first run is done. `most`: steps of the method itself."""
-        chosen = steps = SHORTEST
-        while steps <= most:
-            seeds = SEEDS if steps > WANTED else SEEDS[:1]
-            runs = (run for run in self.plan(steps, most) if run.seed in seeds)
-            if sum(map(self.expected, runs)) <= self.seconds * self.executor.jobs:
-                chosen = steps
-            steps *= 2
-        return chosen
-
     def fitting(self) -> Iterator[Run]:
         """The planned runs that are not done, in order, that are expected to end in time when they
         are asked for. One that does not fit is passed over: shorter ones behind it may."""
-        for run in self.missing:
-            if self.expected(run) <= self.seconds - self.spent:
+        for run in self.planned:
+            if run.key not in self.records and self.expected(run) <= self.seconds - self.spent:
                 yield run
 
     def finish(self, runs: Iterable[Run]) -> dict[str, str]:
@@ -120,42 +94,29 @@ class Study:
         def left() -> str:
             return f"Spent: {self.spent / 60:.0f} of {self.seconds / 60:.0f} min."
 
-        return self.executor.finish(runs, self.records, self.output, left)
+        return finish(runs, self.records, self.output, left, self.do_run)
 
     def do(self) -> None:
         """Do the runs that are not done and for which time is left. Raises DeSplatError where the
         first run failed, ConfigError where records cannot be written."""
-        for failure in self.finish([self.run_of()]).values():
+        for failure in self.finish(self.planned[:1]).values():
             raise DeSplatError(f"The first run failed. {failure}")
-        most = method_config(BASE).nominal_num_iterations
-        steps = self.steps_that_fit(most)
-        self.planned = self.plan(steps, most)
-        ahead = sum(map(self.expected, self.missing)) / self.executor.jobs
-        announce(
-            f"Variants are compared at {steps:,} steps. Planned runs: {len(self.planned)}; done: "
-            f"{len(self.planned) - len(self.missing)}. Of the others those are done that fit into "
-            f"the time, in {about(min(ahead, max(0.0, self.seconds - self.spent)))}."
-        )
         self.failed = self.finish(self.fitting())
 
 
-def tradeoff(
-    data: Path, parser: tuple[str, ...], output: Path, seconds: float, executor: Executor
-) -> Path:
+def tradeoff(data: Path, parser: tuple[str, ...], output: Path, seconds: float) -> Path:
     """Do a study as far as its time goes, earlier sessions included, and write its page; where that
     is. Raises as `open_study` and `Study.do`."""
     from desplat_ns.tools.studies.page import write_page  # which imports this module
 
     with only_process_in(output):
         compile_kernels("auto", default_device())  # no part of the time that was given
-        study = open_study(data, parser, output, seconds, executor)
+        study = open_study(data, parser, output, seconds)
         study.do()
         return write_page(study)
 
 
-def open_study(
-    data: Path, parser: tuple[str, ...], output: Path, seconds: float, executor: Executor
-) -> Study:
+def open_study(data: Path, parser: tuple[str, ...], output: Path, seconds: float) -> Study:
     """What an output folder holds of the study of a capture, or a new one; the capture is surveyed.
     Raises CaptureError where nothing is held out, ConfigError where the folder has another one."""
     records, data = open_records(output), data.resolve()
@@ -167,7 +128,7 @@ def open_study(
     train, test = splits_of(BASE, data, parser, "train", "test")
     effects = decided_effects(method_config(BASE).pipeline.model.effects, train)[0].settled()
     content = content_of(train, test)
-    return Study(data, parser, content, effects, output, seconds, executor, records)
+    return Study(data, parser, content, effects, output, seconds, records)
 
 
 def compared(base: Effects) -> dict[str, tuple[str, tuple[str, ...]]]:

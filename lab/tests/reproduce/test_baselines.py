@@ -5,24 +5,32 @@ from typing import Any
 
 import pytest
 import torch
+from nerfstudio.plugins.types import MethodSpecification
 
 from desplat_ns.core.errors import CaptureError
 from desplat_ns.data.gt_masks import METADATA_KEY
-from desplat_ns.tools.studies.methods import method_config, parse
-from lab.reproduce.baselines import TRIMMED_SHARE, _trimmed, mask_of, shadow_mask_of
+from desplat_ns.tools.studies.methods import parse
+from lab.reproduce.baselines import (
+    TRIMMED_SHARE,
+    _trimmed,
+    by_residual,
+    by_truth,
+    mask_of,
+    shadow_mask_of,
+)
 
 EFFECTS = "--pipeline.model.effects"
 OFF = (f"{EFFECTS}.auto", "False", f"{EFFECTS}.distractors", "False")
 
 
 @pytest.mark.usefixtures("tyro_may_build")
-@pytest.mark.parametrize("name", ["by_truth", "by_residual"])
-def test_they_differ_from_plain_splatfacto_in_nothing_but_the_loss(name: str):
+@pytest.mark.parametrize("method", [by_truth, by_residual])
+def test_they_differ_from_plain_splatfacto_in_nothing_but_the_loss(method: MethodSpecification):
     off: Any = parse("desplat", [*OFF, "--pipeline.model.opacity-prior", "0"])
-    baseline: Any = method_config(f"lab.reproduce.baselines:{name}")
+    baseline: Any = method.config
     plain, masked = vars(off.pipeline.model), vars(baseline.pipeline.model)
     apart = {option for option in masked if plain.get(option) != masked[option]}
-    assert apart == {"_target", "by_truth"} and masked["by_truth"] is (name == "by_truth")
+    assert apart == {"_target", "by_truth"} and masked["by_truth"] is (method is by_truth)
     assert off.optimizers == baseline.optimizers
 
 

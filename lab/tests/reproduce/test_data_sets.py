@@ -48,7 +48,7 @@ def names(outputs: DataparserOutputs) -> set[str]:
     return {path.name for path in outputs.image_filenames}
 
 
-@pytest.mark.parametrize("table", ["robustnerf", "on-the-go", "A5", "A6", "fig9"])
+@pytest.mark.parametrize("table", ["robustnerf", "on-the-go", "A5", "A6"])
 def test_every_scene_of_a_table_is_found_and_read(data_sets: Path, table: TableName):
     contents, missing = find_contents(TABLES[table], data_sets, SMOKE)
     assert not missing and len(contents) == len(TABLES[table].scenes)

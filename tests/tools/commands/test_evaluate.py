@@ -137,5 +137,5 @@ def test_what_is_there_is_replaced_only_if_that_is_asked_for(run: Path, tmp_path
         with pytest.raises(ConfigError, match="--overwrite"):
             given.main()
     assert figures.read_text() == "before"
-    Evaluate(run, output_path=figures, render_output_path=pictures, steps=1, overwrite=True).main()
+    Evaluate(run, output_path=figures, render_output_path=pictures, overwrite=True).main()
     assert figures.read_text() != "before" and len(list(pictures.iterdir())) == 3

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 import yaml
 
-from desplat_ns.core.errors import CaptureError, ConfigError
+from desplat_ns.core.errors import CaptureError
 from desplat_ns.tools.commands.evaluate import Evaluate
 from desplat_ns.tools.commands.report import Report
 
@@ -80,12 +80,3 @@ def test_a_run_and_its_capture_that_were_moved_have_a_page(
     html = (tmp_path / "my run" / "report.html").read_text("utf8")
     assert "would have said sh: There is a sky." in html
     assert "--load-config &#39;my run/config.yml&#39;" in html, "as a shell takes it"
-
-
-@pytest.mark.parametrize("output", ["p.pdf", "taken.html"])
-def test_a_page_that_cannot_be_is_refused_before_the_work(
-    tmp_path: Path, trained: Path, output: str
-):
-    (tmp_path / "taken.html").mkdir()
-    with pytest.raises(ConfigError, match="--output"):
-        Report(trained, output=tmp_path / output).main()

@@ -21,7 +21,6 @@ def test_a_capture_is_found_and_the_findings_are_written(tiny_scene, tmp_path: P
     Arguments(tiny_scene.folder, tmp_path / "out").main()
     assert "robustnerf-data" in capsys.readouterr().out
     assert found(tmp_path / "out")["appearance"]["decision"] == "off"
-    assert (tmp_path / "out" / "survey.png").stat().st_size > 1000
 
 
 @pytest.mark.slow
@@ -36,16 +35,12 @@ def test_a_data_parser_and_its_options_choose_the_photos(tiny_scene, tmp_path: P
     assert found(tmp_path / "all")["num_photos"] > tiny_scene.spec.num_views
 
 
-@pytest.mark.parametrize("name", ["survey.json", "survey.png"])
-def test_findings_that_are_there_are_replaced_only_if_that_is_asked_for(
-    tiny_scene, tmp_path: Path, name: str
-):
-    (tmp_path / name).write_text("before")
-    arguments = Arguments(tiny_scene.folder, tmp_path)
-    with pytest.raises(ConfigError, match=name):
+def test_findings_that_are_there_are_replaced_only_if_that_is_asked_for(tiny_scene, tmp_path: Path):
+    file, arguments = tmp_path / "survey.json", Arguments(tiny_scene.folder, tmp_path)
+    file.write_text("before")
+    with pytest.raises(ConfigError, match=r"survey\.json"):
         arguments.main()
-    assert [path.read_text() for path in tmp_path.iterdir()] == ["before"]
+    assert file.read_text() == "before"
     arguments.overwrite = True
     arguments.main()
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["survey.json", "survey.png"]
-    assert (tmp_path / name).read_bytes() != b"before"
+    assert found(tmp_path)["num_photos"] > 0

@@ -96,14 +96,6 @@ def test_photos_that_share_nothing_or_one_place_are_refused(tmp_path: Path, yard
         Request(tmp_path / "photos", tmp_path / "out", effort="plain").main()
 
 
-def test_photos_that_are_all_the_same_are_told_and_nothing_is_left(photo_writer, tmp_path):
-    for name in "abcd":
-        photo_writer(tmp_path / "p" / f"{name}.png", 60, 40)
-    with pytest.raises(CaptureError, match=r"a\.png"):
-        Request(tmp_path / "p", tmp_path / "out").main()
-    assert not (tmp_path / "out").exists()
-
-
 FIGURES = {
     "photos": 3, "of": 9, "points": 5, "observations": 99, "error": 0.5, "is_bent": False,
 }  # fmt: skip

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from desplat_ns.core.errors import CaptureError, ConfigError
-from desplat_ns.tools.process.request import Request, find_photos
+from desplat_ns.core.errors import CaptureError
+from desplat_ns.tools.process.request import find_photos
 from tests.helpers.files import touch
 
 
@@ -43,13 +43,6 @@ def test_a_name_that_is_no_text_is_named(tmp_path: Path):
     with pytest.raises(CaptureError, match=r"(?s)^2 names.*gr\\xfcn\.jpg") as caught:
         find_photos(tmp_path, tmp_path / "out")
     str(caught.value).encode()  # it can be printed
-
-
-@pytest.mark.parametrize("wrong", [{"longest_side": 5}, {"frames": 2}])
-def test_a_number_that_cannot_be_is_named(tmp_path: Path, wrong: dict[str, int]):
-    (name,) = wrong
-    with pytest.raises(ConfigError, match=f"--{name.replace('_', '-')}"):
-        Request(tmp_path, tmp_path / "o", **wrong).main()  # pyright: ignore[reportArgumentType]
 
 
 @pytest.mark.parametrize("masks", ["masks", "day 1/Masks", "sky_masks/left"])

@@ -201,15 +201,6 @@ def test_keys_walk_after_a_photo_was_chosen(stage: Page):
     bare(stage)
 
 
-def test_help_opens_by_a_key_and_closes_by_escape_and_at_a_touch_elsewhere(stage: Page):
-    is_open = "help.matches(':popover-open')"
-    for close in (lambda: stage.press("Escape", 27), lambda: stage.drag((1, 1), (2, 1))):
-        stage.press("?", 191)
-        assert stage.value(is_open)
-        close()
-        assert not stage.value(is_open)
-
-
 @pytest.mark.parametrize(
     ("kind", "write", "axes"), [("ply", ply_bytes, (1, -1, -1)), ("spz", spz_bytes, (1, 1, 1))]
 )

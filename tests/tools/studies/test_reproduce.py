@@ -2,6 +2,7 @@
 protocols are those of the supplement, and its figures were copied without a slip."""
 
 import json
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -17,7 +18,7 @@ from desplat_ns.tools.studies import reproduce as module
 from desplat_ns.tools.studies.paper import MEAN, METHODS, TABLES, TableName, figures_of
 from desplat_ns.tools.studies.records import Record
 from desplat_ns.tools.studies.reproduce import Grid, Smoke, cells_of, find_contents, reproduce
-from desplat_ns.tools.studies.runs import Executor, Run
+from desplat_ns.tools.studies.runs import Run
 from tests.helpers.made_up_runs import made_up
 
 
@@ -44,7 +45,7 @@ def made(monkeypatch) -> Callable[..., Path]:
         options = {"seeds": 1, "smoke": None, "methods": TABLES[name].methods} | given
         methods = tuple(METHODS[method] for method in options.pop("methods"))
         places = (output.parent / "data", output)
-        return reproduce(TABLES[name], *places, methods, executor=Executor(do=do), **options)
+        return reproduce(TABLES[name], *places, methods, do=do, **options)
 
     return make
 
@@ -94,9 +95,8 @@ def test_a_killed_table_goes_on_and_is_the_same(made, tmp_path: Path):
 def test_tables_of_the_same_runs_share_them(made, tmp_path: Path):
     first, second = Counting(), Counting()
     made("A7", tmp_path / "out", first)
-    folder = made("A9", tmp_path / "out", second)
+    made("robustnerf", tmp_path / "out", second)
     assert len(first.done) == 11 * 3 and second.done == []
-    assert "100.00 (paper 101.86, -1.86)" in (folder / "table.md").read_text()
 
 
 def test_what_fails_is_named_and_tried_again(made, tmp_path: Path):
@@ -150,12 +150,12 @@ def test_the_mean_is_that_of_scenes_and_then_of_seeds_that_have_all():
 
 
 def test_the_page_has_ours_the_papers_and_the_difference(made, tmp_path: Path):
-    folder = made("A8", tmp_path / "out", methods=("desplat-paper", "splatfacto"), seeds=2)
+    folder = made("A7", tmp_path / "out", methods=("desplat-paper", "splatfacto"), seeds=2)
     page = (folder / "table.md").read_text()
-    assert "| splatfacto | 50:00 (paper 9:32, +40:28) |" in page
-    assert "| WildGaussians, the paper's | - | - | - | - | - | 58:06 | 80:30 |" in page
+    assert re.search(r"\| splatfacto \| 4\d\.\d\d \(paper 38\.19, \+\d\.\d\d\) \|", page)
+    assert "| WildGaussians, the paper's | - | - | - | - | - | 215.64 | 480.52 |" in page
     content = json.loads((folder / "table.json").read_text())
-    assert len(content["cells"]) == 2 * 12 and content["smoke"] is False
+    assert len(content["cells"]) == 2 * 2 * 12 and content["smoke"] is False
     assert content["conditions"]["seeds"] == [42, 43]
     assert content["conditions"]["devices"] == ["a device"]
 
@@ -174,13 +174,3 @@ def test_scenes_have_downloads_and_methods_stand_beside_rows_of_figures(table):
         assert metric in {known.name for known in table.metrics}
     beside = {METHODS[name].paper for name in table.methods}
     assert not figures or beside <= {row for row, _, _ in figures}
-
-
-def test_rates_are_one_over_seconds_and_times_are_written_as_the_paper_writes_them():
-    scored, alone = TABLES["A9"].metrics
-    scores = {"seconds_per_image_render": 0.004, "seconds_per_image_with_metrics": 0.01}
-    assert scored.of(scores) == pytest.approx(100) and alone.of(scores) == pytest.approx(250)
-    assert scored.of({}) is None
-    (time,) = TABLES["A8"].metrics
-    assert time.text(572.4) == "9:32" and time.text(4830) == "80:30"
-    assert time.text(-65, "+") == "-1:05" and time.text(5, "+") == "+0:05"

@@ -1,7 +1,7 @@
-"""A run is trained and scored in a process of its own; runs without a record are done and
-recorded, wherever that is."""
+"""A run is trained and scored; runs without a record are done and recorded."""
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -9,11 +9,9 @@ from desplat_ns.core.errors import DeSplatError
 from desplat_ns.tools.studies import runs as module
 from desplat_ns.tools.studies.machine import code_version
 from desplat_ns.tools.studies.records import FILE, Key, Record, load
-from desplat_ns.tools.studies.runs import Executor, Run, execute
+from desplat_ns.tools.studies.runs import Run, execute, finish
 from lab.synthetic import Scene
 from tests.helpers.made_up_runs import made_up
-
-REST = {"commit": "c", "device_name": "a CPU"}
 
 
 def run_on(folder: Path | None) -> Run:
@@ -35,48 +33,41 @@ def test_a_run_gives_scores_and_says_of_which_code_and_on_what(tiny_scene: Scene
 
 
 @pytest.fixture
-def program(tmp_path: Path, monkeypatch):
-    """Put a line of Python in the place of the program that trains and scores."""
+def trained(monkeypatch):
+    """Put figures in the place of training and scoring, or an error."""
 
-    def put(line: str) -> None:
-        (tmp_path / "probe.py").write_text(f"import json, os, sys\n{line}\n")
+    def put(result: dict[str, Any] | Exception) -> None:
+        def stand_in(*_: Any) -> tuple[dict[str, Any], str]:
+            print("a step")
+            if isinstance(result, Exception):
+                raise result
+            return result, "a CPU"
 
-    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
-    monkeypatch.setattr(module, "PROGRAM", "probe")
+        monkeypatch.setattr(module, "train_and_score", stand_in)
+
     return put
 
 
-def writing(figures: str) -> str:
-    return f"json.dump(dict({REST!r}, figures={figures}), open(sys.argv[1], 'w'))"
-
-
-def test_the_process_has_one_thread_and_its_numbers_and_texts_are_kept(
-    program, monkeypatch, tmp_path: Path
-):
-    for name in (names := ("OMP_WAIT_POLICY", "OMP_NUM_THREADS", "NUMBA_NUM_THREADS")):
-        monkeypatch.delenv(name, raising=False)
-    program(writing("{**os.environ, 'psnr': 1.5, 'images': [1], 'versions': {'a': '1'}}"))
+def test_numbers_and_texts_of_the_evaluation_are_kept(trained, tmp_path: Path):
+    trained({"psnr": 1.5, "images": [1], "versions": {"a": "1"}})
     record = execute(run_on(tmp_path), tmp_path / "runs")
-    assert [record.scores[name] for name in names] == ["passive", "1", "1"]
-    assert record.scores["psnr"] == 1.5 and record.scores["versions"] == "a 1"
-    assert "images" not in record.scores
+    assert record.scores == {"psnr": 1.5, "versions": "a 1"}
     given = "--max-num-iterations 3 --pipeline.model.num-downscales 0 robustnerf-data"
     assert record.key == ("desplat", given, str(tmp_path), 42)
 
 
-def test_a_run_replaces_an_earlier_one_and_leaves_its_log_where_it_fails(program, tmp_path: Path):
+def test_a_run_replaces_an_earlier_one_and_leaves_its_log_where_it_fails(trained, tmp_path: Path):
     earlier = tmp_path / "runs" / "ours-3-42"
     earlier.mkdir(parents=True)
     (earlier / "old.png").touch()
     with pytest.raises(DeSplatError, match="/absent"):
         execute(run_on(None), tmp_path / "runs")
-    program("sys.exit('no')")
-    with pytest.raises(DeSplatError, match=r"run\.log"):
+    trained(ValueError("too dark"))
+    with pytest.raises(ValueError, match="too dark"):
         execute(run_on(tmp_path), tmp_path / "runs")
-    assert "no" in (earlier / "run.log").read_text()
-    program(writing("{}"))
-    execute(run_on(tmp_path), tmp_path / "runs")
-    assert sorted(path.name for path in earlier.iterdir()) == ["results.json", "run.log"]
+    log = (earlier / "run.log").read_text()
+    assert "a step" in log and "too dark" in log
+    assert [path.name for path in earlier.iterdir()] == ["run.log"]
 
 
 RUNS = [Run("a", "desplat", (), 9, seed, Path("/photos")) for seed in range(4)]
@@ -90,14 +81,14 @@ def failing(run: Run, folder: Path) -> Record:
 
 def test_runs_are_recorded_and_those_that_fail_leave_the_others(tmp_path: Path):
     records = dict[Key, Record]()
-    failed = Executor(jobs=2, do=failing).finish(RUNS, records, tmp_path)
+    failed = finish(RUNS, records, tmp_path, do=failing)
     assert failed == {"a-9-1": "too dark"} and sorted(key[-1] for key in records) == [0, 2, 3]
     assert load(tmp_path / FILE) == records
-    assert Executor(do=made_up).finish(RUNS, records, tmp_path) == {}
+    assert finish(RUNS, records, tmp_path, do=made_up) == {}
     assert [key[-1] for key in load(tmp_path / FILE)][3:] == [1], "nothing is done twice"
 
 
-def test_the_next_run_is_asked_for_when_there_is_a_place_for_it(tmp_path: Path):
+def test_the_next_run_is_asked_for_when_the_one_before_is_done(tmp_path: Path):
     """So that who gives the runs may go by the clock."""
     events = []
 
@@ -110,5 +101,5 @@ def test_the_next_run_is_asked_for_when_there_is_a_place_for_it(tmp_path: Path):
         events.append(("done", run.seed))
         return made_up(run, folder)
 
-    Executor(do=do).finish(coming(), {}, tmp_path)
+    finish(coming(), {}, tmp_path, do=do)
     assert events == [(what, seed) for seed in range(4) for what in ("asked", "done")]

@@ -1,4 +1,4 @@
-"""A study of a capture with made-up runs: what fits into the time, sessions, what is claimed."""
+"""A study of a capture with made-up runs: what fits into the time, and sessions."""
 
 import re
 from collections.abc import Callable
@@ -11,10 +11,10 @@ from desplat_ns.core.effects import Effects
 from desplat_ns.core.errors import ConfigError, DeSplatError
 from desplat_ns.tools.studies import tradeoff as module
 from desplat_ns.tools.studies.methods import parse
-from desplat_ns.tools.studies.page import corrected, verdicts, write_page
+from desplat_ns.tools.studies.page import gain, write_page
 from desplat_ns.tools.studies.records import FILE, Record, load, open_records
-from desplat_ns.tools.studies.runs import Executor, Run
-from desplat_ns.tools.studies.tradeoff import BASE, GROWTH, SEEDS, SHORTEST, WANTED, Study, compared
+from desplat_ns.tools.studies.runs import Run
+from desplat_ns.tools.studies.tradeoff import BASE, GROWTH, SEEDS, Study, compared
 from tests.helpers.made_up_runs import made_up
 
 pytestmark = pytest.mark.usefixtures("tyro_may_build")
@@ -22,10 +22,12 @@ pytestmark = pytest.mark.usefixtures("tyro_may_build")
 
 def study_of(seconds: float, records=None, output: Path = Path(), do=made_up) -> Study:
     capture = Path("/photos/garden"), ("colmap",), "20 photos train", Effects()
-    return Study(*capture, output, seconds, Executor(do=do), records or {})
+    return Study(*capture, output, seconds, records or {}, do)
 
 
-FIRST = study_of(0.0).run_of()
+@pytest.fixture
+def first() -> Run:
+    return study_of(0.0).planned[0]
 
 
 def records_of(*runs: Run):
@@ -51,12 +53,12 @@ def test_variants_differ_from_the_base_in_one_thing_and_the_method_takes_them(ba
         assert len(changed) == 1, name
 
 
-def test_runs_are_expected_to_take_what_the_longest_of_their_variant_took():
-    short, long = replace(FIRST, steps=250), replace(FIRST, steps=1000)
+def test_runs_are_expected_to_take_what_the_longest_of_their_variant_took(first: Run):
+    short, long = replace(first, steps=250), replace(first, steps=1000)
     other = replace(long, variant="fewer", options=("--fewer", "1"))
-    study = study_of(100.0, records_of(FIRST))
-    study.planned = [FIRST, short, long, other]
-    assert study.expected(FIRST) == pytest.approx(5 + 12.5)
+    study = study_of(100.0, records_of(first))
+    study.planned = [first, short, long, other]
+    assert study.expected(first) == pytest.approx(5 + 12.5)
     assert study.expected(long) == study.expected(other) == pytest.approx(5 + 100 * GROWTH)
     slow = replace(made_up(other, Path()), seconds=405.0, scores={"train_wall_seconds": 400.0})
     study.records |= records_of(short) | {other.key: slow}
@@ -64,22 +66,17 @@ def test_runs_are_expected_to_take_what_the_longest_of_their_variant_took():
     assert study.expected(other) == pytest.approx(405)
 
 
-@pytest.mark.parametrize("seconds", [30.0, 5e3, 1e6])
-def test_a_comparison_is_the_longest_that_fits(seconds: float):
-    study = study_of(seconds, records_of(FIRST))
-    steps = study.steps_that_fit(30_000)
-
-    def cost(steps: int) -> float:
-        seeds = SEEDS if steps > WANTED else SEEDS[:1]
-        return sum(study.expected(run) for run in study.plan(steps, 30_000) if run.seed in seeds)
-
-    assert steps == SHORTEST or cost(steps) <= seconds
-    assert 2 * steps > 30_000 or cost(2 * steps) > seconds
+def test_every_variant_is_compared_at_one_length_after_the_other_and_then_with_other_seeds():
+    runs, count = study_of(0.0).plan(500), len(compared(Effects()))
+    lengths = [run.steps for run in runs[::count]]
+    assert lengths == [125, 250, 500, 500, 500, 250, 250, 125, 125]
+    assert {run.seed for run in runs[: 3 * count]} == {SEEDS[0]}
+    assert len({run.key for run in runs}) == len(runs) == 9 * count
 
 
-def test_runs_that_do_not_fit_are_passed_over_and_asked_for_late():
-    study = study_of(100.0, records_of(FIRST))
-    study.planned = [FIRST, *(replace(FIRST, steps=steps) for steps in (10_000, 250))]
+def test_runs_that_do_not_fit_are_passed_over_and_asked_for_late(first: Run):
+    study = study_of(100.0, records_of(first))
+    study.planned = [first, *(replace(first, steps=steps) for steps in (10_000, 250))]
     coming = study.fitting()
     assert next(coming) == study.planned[2] and next(coming, None) is None
     again = study.fitting()
@@ -140,54 +137,33 @@ def test_runs_end_up_in_the_file_and_the_page(sit: Sit, time: Time, tmp_path: Pa
     study = sit(7200.0)
     assert study.spent <= 7200.0 and set(study.failed.values()) == {"too dark"}
     assert len(load(tmp_path / FILE)) == len(time.done) - len(study.failed) > 20
-    assert {record.seed for record in study.records.values()} == {42, 43, 44}
+    assert {record.seed for record in study.records.values()} >= {42, 43}
     page = write_page(study).read_text()
-    assert "garden" in page and "p &lt; 0.001" in page and "too dark" in page
+    assert "garden" in page and "too dark" in page
     outside = re.findall(r"<script|<link|(?:src|href)=.(?!data:|#)", page)
     assert outside == [], "the page needs no other file"
-    assert "<svg" in page
+    assert "<img" in page
 
 
 @pytest.mark.slow
 def test_another_session_goes_on_with_what_is_missing(sit: Sit, time: Time, tmp_path: Path):
     first = sit(600.0)
     before = list(time.done)
-    assert any(run.key not in first.records for run in first.planned), "time is over"
+    assert len(first.records) < len(first.planned), "time is over"
     again = sit(600.0)
-    assert time.done == [] and [r.key for r in again.planned] == [r.key for r in first.planned]
+    assert time.done == []
     assert again.spent == pytest.approx(first.spent), "earlier sessions count"
     sit(1200.0)
     assert time.done and not set(time.done) & set(before)
     with pytest.raises(ConfigError, match="/photos/garden"):
-        module.open_study(Path("/photos/castle"), (), tmp_path, 600.0, Executor())
+        module.open_study(Path("/photos/castle"), (), tmp_path, 600.0)
 
 
-# --- what may be claimed -------------------------------------------------------------------------
+def test_a_difference_is_of_the_same_seeds_and_steps():
+    def scores(*psnr: float) -> dict[int, dict[str, float]]:
+        return {seed: {"psnr": value} for seed, value in zip(SEEDS, psnr, strict=False)}
 
-
-def scores(*psnr: float) -> dict[int, dict[str, float]]:
-    return {seed: {"psnr": value} for seed, value in zip(SEEDS, psnr, strict=False)}
-
-
-def said(*others: dict[int, dict[str, float]], steps: int = 100) -> list[str]:
-    """Of variants beside the base, of 100 steps."""
-    points = {(BASE, 100): scores(20.0, 20.1, 20.2)}
-    found = verdicts(points | {(f"{i}", steps): other for i, other in enumerate(others)})
-    assert found.pop((BASE, 100)) == ""
-    return [*found.values()]
-
-
-def test_a_difference_is_claimed_of_three_seeds_and_for_the_number_of_comparisons():
-    """t = 0.3 sqrt(3) / 0.1 = 5.2: p = 0.035 alone, 0.28 as one of eight."""
-    apart = scores(20.3, 20.5, 20.4)
-    assert said(apart) == ["+0.30 dB, p = 0.035"]
-    assert said(*[apart] * 8) == ["+0.30 dB, not told apart (p = 0.28)"] * 8
-    assert said(apart, scores(25.0)) == ["+0.30 dB, p = 0.035", "+5.00 dB, 1 of 3 seeds: no claim"]
-    assert said(apart, steps=200) == [""], "there is no base to compare it with"
-    assert said(scores(20.0, 20.1, 20.2)) == ["+0.00 dB, not told apart (p = 1)"]
-
-
-def test_holms_correction_is_as_worked_out_by_hand():
-    """4 x 0.01, 3 x 0.02, then 2 x 0.022 and 0.5, but no less than what comes before."""
-    assert corrected([0.02, 0.5, 0.01, 0.022]) == pytest.approx([0.06, 0.5, 0.04, 0.06])
-    assert corrected([]) == [] and corrected([0.7, 0.8]) == [1.0, 1.0]
+    points = {(BASE, 100): scores(20.0, 20.1, 20.2), ("a", 100): scores(20.3, 20.5, 20.4)}
+    points |= {("b", 100): scores(25.0), ("c", 200): scores(20.0)}
+    said = [gain(points, point) for point in points]
+    assert said == ["", "+0.30 (+0.20 to +0.40)", "+5.00", ""]
