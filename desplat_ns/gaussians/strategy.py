@@ -4,6 +4,7 @@ An interval between refinements is no schedule but a sample, which must not shri
 of a run (docs/explain/separation.md, "How often Gaussians are refined").
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -22,9 +23,6 @@ from desplat_ns.gaussians.activation import RawParameters
 
 UNLIMITED = 2**62
 """A step that no training reaches, and a number of Gaussians that no set has."""
-
-HALF_LENGTH = 0.6
-"""Standard deviation along the axis, by that of the Gaussian that was split in two there."""
 
 LAST = "last_step"
 """Key in a strategy's state: the step that it was called at before."""
@@ -84,21 +82,18 @@ def long_axis_split(
     state: dict[str, Any],
     mask: Bool[Tensor, " N"],
 ) -> None:
-    """Replace each Gaussian of `mask` by two, one behind the other along its longest axis, which
-    have its mass (opacity times volume), its mean and its covariance together. gsplat's `split`
-    draws two places at random, and what the Gaussian had learned is lost with its place."""
+    """Replace each Gaussian of `mask` by two of half its length, one behind the other along its
+    longest axis, at sqrt(3) / 2 of its standard deviation from its centre: together they have its
+    mass (opacity times volume), mean and covariance. gsplat's `split` draws two places at random,
+    and what the Gaussian had learned is lost with its place."""
     chosen, rest = mask.nonzero().squeeze(-1), (~mask).nonzero().squeeze(-1)
-    scales = params["scales"][chosen].exp()
-    longest, axis = scales.max(dim=-1, keepdim=True)
-    along = F.one_hot(axis.squeeze(-1), 3).to(scales)
+    longest, axis = params["scales"][chosen].exp().max(dim=-1, keepdim=True)
+    along = F.one_hot(axis.squeeze(-1), 3).to(longest)
     turned = normalized_quat_to_rotmat(F.normalize(params["quats"][chosen], dim=-1))
-    offset = (1 - HALF_LENGTH**2) ** 0.5 * longest * (turned * along[:, None]).sum(dim=-1)
-    # the logit of sigmoid(x) / (2 HALF_LENGTH) is -log of this; see `activation.sigmoid` for why
-    odds_against = 2 * HALF_LENGTH * (1 + torch.exp(-params["opacities"][chosen])) - 1
+    offset = 0.75**0.5 * longest * (turned * along[:, None]).sum(dim=-1)
     changed = {
         "means": params["means"][chosen] + torch.stack([offset, -offset]),
-        "scales": (scales * (1 + (HALF_LENGTH - 1) * along)).log().expand(2, -1, -1),
-        "opacities": -odds_against.log().expand(2, -1, -1),
+        "scales": (params["scales"][chosen] - math.log(2) * along).expand(2, -1, -1),
     }
 
     def with_halves(name: str, value: Tensor) -> Tensor:
