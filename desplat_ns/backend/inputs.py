@@ -7,6 +7,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from desplat_ns.backend.protocol import Splats, View
+from desplat_ns.backend.spherical_harmonics import MAX_DEGREE
 
 MIN_QUAT_NORM = 1e-12
 """Quaternions shorter than this have no direction; their Gaussians are culled. Its square is a
@@ -45,18 +46,27 @@ def finite_colors(
 
 
 def check_inputs(splats: Splats, view: View) -> None:
-    """Raises ValueError, with what was found and what is needed, where a shape does not fit or a
+    """Raises ValueError, with what was found and what is needed, where a tensor does not fit or a
     number of the camera makes no sense. Numbers are looked at on a CPU only: elsewhere they would
     have to be waited for."""
-    n, degree = len(splats.means), splats.sh_degree
+    n = len(splats.means)
     needed = {"means": (n, 3), "quats": (n, 4), "scales": (n, 3), "opacities": (n,)}
-    needed |= {"colors": (n, 3), "viewmat": (4, 4), "K": (3, 3)}
-    if degree is not None:
-        needed["colors"] = (n, max((degree + 1) ** 2, splats.colors.shape[1]), 3)
-    given = {**vars(splats), **vars(view)}
+    needed |= {"viewmat": (4, 4), "K": (3, 3)}
+    given = {k: v for k, v in {**vars(splats), **vars(view)}.items() if isinstance(v, Tensor)}
     for name, shape in needed.items():
         if tuple(given[name].shape) != shape:
             raise ValueError(f"{name} has shape {tuple(given[name].shape)}; needed is {shape}.")
+    _check_colors(splats, n)
+    for name, tensor in given.items():
+        if tensor.dtype != splats.means.dtype or not tensor.dtype.is_floating_point:
+            raise ValueError(
+                f"{name} is {tensor.dtype} and means is {splats.means.dtype}; "
+                "all must have one floating-point dtype."
+            )
+        if tensor.device != splats.means.device:
+            raise ValueError(f"{name} is on {tensor.device}, means on {splats.means.device}.")
+    if view.width < 1 or view.height < 1:
+        raise ValueError(f"The image is {view.width} x {view.height}; it needs a pixel at least.")
     if view.K.is_cpu:
         _check_camera(view)
 
@@ -71,3 +81,18 @@ def _check_camera(view: View) -> None:
             f"No camera has viewmat {view.viewmat.tolist()} and K {view.K.tolist()}: needed are "
             f"numbers of at most {MAX_CAMERA:g} and focal lengths of at least {MIN_FOCAL:g} pixels."
         )
+
+
+def _check_colors(splats: Splats, n: int) -> None:
+    shape, degree = tuple(splats.colors.shape), splats.sh_degree
+    if degree is None:
+        fits = len(shape) == 2 and shape[1] == 3
+        needed = f"({n}, 3), or ({n}, K, 3) with sh_degree set"
+    else:
+        if degree not in range(MAX_DEGREE + 1):
+            raise ValueError(f"sh_degree is {degree}; degrees 0 to {MAX_DEGREE} exist.")
+        bases = (degree + 1) ** 2
+        fits = len(shape) == 3 and shape[1] >= bases and shape[2] == 3
+        needed = f"({n}, K, 3) with K >= {bases}, as sh_degree is {degree}"
+    if not fits or shape[0] != n:
+        raise ValueError(f"colors has shape {shape}; needed is {needed}.")

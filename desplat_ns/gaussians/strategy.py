@@ -169,7 +169,7 @@ class StaticStrategy(DefaultStrategy):
     ) -> None:  # pyright: ignore[reportIncompatibleMethodOverride]
         """gsplat's, but where more would grow than there is room for, the smaller gradients have to
         wait. A clone or a split adds one; gsplat does both to a small one with a high gradient that
-        is wide on the screen."""
+        is wide on the screen. `long_axis_split` clones none."""
         gradients: Tensor = state["grad2d"] / state["count"].clamp_min(1)
         steep = gradients > self.grow_grad2d
         small = params["scales"].exp().amax(dim=-1) <= self.grow_scale3d * state["scene_scale"]

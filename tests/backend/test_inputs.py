@@ -21,8 +21,11 @@ WRONG = [
     ({"opacities": torch.ones(2, 1)}, "opacities"),
     ({"scales": torch.ones(1, 3)}, "scales"),
     ({"viewmat": torch.eye(3)}, "viewmat"),
-    ({"colors": torch.ones(2, 4)}, "(2, 3)"),
-    ({"colors": torch.ones(2, 4, 3), "sh_degree": 2}, "(2, 9, 3)"),
+    ({"colors": torch.ones(2, 4, 3)}, "sh_degree"),
+    ({"colors": torch.ones(2, 4, 3), "sh_degree": 2}, "K >= 9"),
+    ({"scales": torch.ones(2, 3).double()}, "scales is torch.float64"),
+    ({"K": torch.eye(3, device="meta")}, "K is on meta"),
+    ({"size": (0, 4)}, "0 x 4"),
 ]
 
 
