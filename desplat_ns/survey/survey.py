@@ -1,19 +1,17 @@
 """The survey of a capture, from the files to the findings, and to the effects of a run."""
 
-from dataclasses import dataclass
-
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool
 from nerfstudio.data.dataparsers.base_dataparser import DataparserOutputs
 
 from desplat_ns.core.console import announce, list_names
 from desplat_ns.core.effects import Effects, EffectsConfig
 from desplat_ns.core.errors import CaptureError
 from desplat_ns.survey.appearance import appearance_finding, confirmed, local_steps, matched_points
-from desplat_ns.survey.background import Sky, background_finding, skies_of
+from desplat_ns.survey.background import background_finding, skies_of
 from desplat_ns.survey.findings import Survey
 from desplat_ns.survey.observations import Observations, observe
-from desplat_ns.survey.photo_light import PhotoLight, fit_light
+from desplat_ns.survey.photo_light import fit_light
 
 LEAST_IN_VIEW, LEAST_COMPARED = 8, 50
 """Points that most photos have to show, and that a photo's brightness is compared at."""
@@ -33,18 +31,7 @@ UNLIKE = (
 )
 
 
-@dataclass(frozen=True)
-class Evidence:
-    """What the findings were made from, for pictures. V photos, P points."""
-
-    observations: Observations
-    light: PhotoLight
-    steps: Float[np.ndarray, "V P"]
-    """See `local_steps`."""
-    skies: dict[int, Sky]
-
-
-def survey(capture: DataparserOutputs) -> tuple[Survey, Evidence]:
+def survey(capture: DataparserOutputs) -> Survey:
     """Look at the photos of the training split, and say which effects they call for and by what.
     Raises CaptureError: no photo, or one that cannot be read or does not fit its camera."""
     if not capture.image_filenames:
@@ -57,8 +44,8 @@ def survey(capture: DataparserOutputs) -> tuple[Survey, Evidence]:
     light = fit_light(observations)
     steps = local_steps(observations, light, confirmed(observations, light))
     appearance = appearance_finding(observations, light, steps)
-    skies = skies_of(observations)
-    background = background_finding(observations, light, skies, appearance.decision == "affine")
+    is_local = appearance.decision == "affine"
+    background = background_finding(observations, light, skies_of(observations), is_local)
     notes, (said, mismatch) = [], mismatches(observations)
     if len(observations.all_xyz) == 0:
         notes.append("The capture has no points: nothing could be compared, safe sides are taken.")
@@ -66,11 +53,10 @@ def survey(capture: DataparserOutputs) -> tuple[Survey, Evidence]:
         notes.append(
             "The capture has no tracks: points that neighbours show alike stand for observed ones."
         )
-    if len(observations.views) < len(capture.image_filenames):
-        notes.append(f"{len(observations.views)} photos, evenly spread, stand for all.")
     num_photos = len(capture.image_filenames)
-    findings = Survey(appearance, background, num_photos, (*notes, *said), mismatch)
-    return findings, Evidence(observations, light, steps, skies)
+    if len(observations.views) < num_photos:
+        notes.append(f"{len(observations.views)} photos, evenly spread, stand for all.")
+    return Survey(appearance, background, num_photos, (*notes, *said), mismatch)
 
 
 def mismatches(observations: Observations) -> tuple[list[str], str]:
@@ -128,7 +114,7 @@ def decided_effects(
     """The effects that the training split calls for, where `effects` does not give them, and the
     findings, which are said on the console. Distractors are on unless they are given. Raises as
     `survey`, and as `refuse_mismatch` unless a mismatch is accepted."""
-    findings, _ = survey(outputs)
+    findings = survey(outputs)
     refuse_mismatch("" if accept_mismatch else findings.mismatch)
     decided = effects.decided(Effects(**findings.decisions()))  # pyright: ignore[reportArgumentType]
     for line in findings.summary():

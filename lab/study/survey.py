@@ -108,8 +108,8 @@ class Surveyed:
 
 def surveyed(kind: str, name: str, right: Allowed, capture: DataparserOutputs) -> Surveyed:
     began = time.process_time()
-    findings, _ = survey(capture)
-    return Surveyed(kind, name, right, findings.decisions(), time.process_time() - began)
+    decisions = survey(capture).decisions()
+    return Surveyed(kind, name, right, decisions, time.process_time() - began)
 
 
 def generated(folder: Path) -> Iterator[Surveyed]:

@@ -10,12 +10,6 @@ import torch
 from nerfstudio.data.dataparsers.base_dataparser import DataparserOutputs
 
 from desplat_ns.data.reconstruction import TRACKS
-from desplat_ns.survey.findings import Survey
-from desplat_ns.survey.survey import survey as survey_with_evidence
-
-
-def survey(capture: DataparserOutputs) -> Survey:
-    return survey_with_evidence(capture)[0]
 
 
 def points_of(capture: DataparserOutputs) -> np.ndarray:

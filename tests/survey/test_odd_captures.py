@@ -13,9 +13,9 @@ from nerfstudio.data.dataparsers.base_dataparser import DataparserOutputs
 from desplat_ns.core.errors import CaptureError
 from desplat_ns.data.images import read_image
 from desplat_ns.data.reconstruction import TRACKS
-from desplat_ns.survey.survey import mismatch_of
+from desplat_ns.survey.survey import mismatch_of, survey
 from lab.pictures import write_image
-from tests.helpers.surveyed import copied, points_of, some, survey, with_points
+from tests.helpers.surveyed import copied, points_of, some, with_points
 
 ORIENTATION = 0x0112
 """EXIF's tag."""

@@ -13,11 +13,12 @@ from nerfstudio.data.dataparsers.base_dataparser import DataparserOutputs
 from desplat_ns.data.images import read_image
 from desplat_ns.survey.appearance import LOCAL_SHARE, appearance_finding, local_steps
 from desplat_ns.survey.findings import CLEAR, confidence_of
-from desplat_ns.survey.photo_light import from_middle
-from desplat_ns.survey.survey import survey as survey_with_evidence
+from desplat_ns.survey.observations import observe
+from desplat_ns.survey.photo_light import fit_light, from_middle
+from desplat_ns.survey.survey import survey
 from lab.pictures import write_image
 from lab.synthetic import DaylightSpec, SceneSpec, make_scene
-from tests.helpers.surveyed import copied, survey
+from tests.helpers.surveyed import copied
 
 OFF = {"appearance": "off", "background": "off"}
 
@@ -65,10 +66,10 @@ def test_what_was_pasted_over_photos_after_their_reconstruction_is_no_light(
     make_capture: Callable[..., DataparserOutputs],
 ):
     pasted = replace(make_capture(), image_filenames=make_capture(cluttered=True).image_filenames)
-    result, evidence = survey_with_evidence(pasted)
-    everywhere = np.ones_like(evidence.observations.is_shown)
-    steps = local_steps(evidence.observations, evidence.light, everywhere)
-    as_light = appearance_finding(evidence.observations, evidence.light, steps)
+    result, observations = survey(pasted), observe(pasted)
+    light = fit_light(observations)
+    steps = local_steps(observations, light, np.ones_like(observations.is_shown))
+    as_light = appearance_finding(observations, light, steps)
     assert as_light.figures["local"] > 1.5 * result.appearance.figures["local"]
     assert result.appearance.decision == "off"
 
@@ -159,15 +160,15 @@ def darkened(
 def test_a_lens_that_darkens_only_the_corners_of_all_photos_is_found(
     still: DataparserOutputs, tmp_path: Path
 ):
-    result, evidence = survey_with_evidence(darkened(still, tmp_path, 1, 4, 0.8))
-    assert evidence.light.lens == pytest.approx(-0.8, abs=0.25)
-    assert result.appearance.figures["local"] < 0.02
+    capture = darkened(still, tmp_path, 1, 4, 0.8)
+    assert fit_light(observe(capture)).lens == pytest.approx(-0.8, abs=0.25)
+    assert survey(capture).appearance.figures["local"] < 0.02
 
 
 def test_a_lens_that_darkens_corners_is_no_light_that_changes_place_by_place(
     still: DataparserOutputs, tmp_path: Path
 ):
     """Every other photo, as if with the aperture wide open: corners have half of their value."""
-    result, evidence = survey_with_evidence(darkened(still, tmp_path, 2, 2, np.log(2)))
-    assert result.appearance.decision != "affine"
-    assert evidence.light.vignetting.std() > 0.05
+    capture = darkened(still, tmp_path, 2, 2, np.log(2))
+    assert survey(capture).appearance.decision != "affine"
+    assert fit_light(observe(capture)).vignetting.std() > 0.05

@@ -47,7 +47,7 @@ class Arguments:
             chosen = tyro.cli(AnyDataParser, prog="desplat-survey DATA", args=list(parser))
         chosen.data = self.data
         outputs = without_prompts(chosen).setup().get_dataparser_outputs("train")
-        findings, _ = survey(outputs)
+        findings = survey(outputs)
         for line in findings.summary():
             announce(line)
         with plain_errors(self.output):
