@@ -353,12 +353,13 @@ class DeSplatModel(SplatfactoModel):
             if index not in self._views:
                 self._views[index] = view_of(camera)
             view = self._views[index]
-            return resized(view, self._size_at_hand(view.width, view.height))
-        pose = camera.camera_to_worlds
-        if index is not None:
-            camera.metadata = {**(camera.metadata or {}), "cam_idx": index}
-            pose = self.camera_optimizer.apply_to_camera(camera)
-        return view_of(camera, pose[0], self._size_at_hand)
+        else:
+            pose = camera.camera_to_worlds
+            if index is not None:
+                camera.metadata = {**(camera.metadata or {}), "cam_idx": index}
+                pose = self.camera_optimizer.apply_to_camera(camera)
+            view = view_of(camera, pose[0])
+        return resized(view, self._size_at_hand(view.width, view.height))
 
     def _size_at_hand(self, width: int, height: int) -> tuple[int, int]:
         """Width and height in which a photo of a size is trained on in the step at hand."""

@@ -1,7 +1,5 @@
 """From nerfstudio's cameras to the view that a rasterizer takes."""
 
-from collections.abc import Callable
-
 import cv2
 import torch
 import torch.nn.functional as F
@@ -30,14 +28,9 @@ def is_distorted(cameras: Cameras) -> bool:
     return bends or bool(torch.any(cameras.camera_type == CameraType.FISHEYE.value))
 
 
-def view_of(
-    camera: Cameras,
-    camera_to_world: Float[Tensor, "3 4"] | None = None,
-    size_of: Callable[[int, int], tuple[int, int]] | None = None,
-) -> View:
-    """The view of a single camera (shape [1]), in an image of the size that `size_of` gives for
-    its width and height, if given. `camera_to_world` replaces the camera's own pose where a pose
-    optimizer moved it.
+def view_of(camera: Cameras, camera_to_world: Float[Tensor, "3 4"] | None = None) -> View:
+    """The view of a single camera (shape [1]). `camera_to_world` replaces the camera's own pose
+    where a pose optimizer moved it.
 
     Raises ConfigError of a camera of another kind, as a path of ns-render may have it. A photo's
     fisheye was undistorted and has its terms still; that of a path has none.
@@ -52,8 +45,7 @@ def view_of(
             f"A camera of the kind {CameraType(kind).name} cannot be drawn, only perspective ones. "
             "Make a camera path of perspective cameras."
         )
-    shown = (width, height) if size_of is None else size_of(width, height)
-    return resized(View(world_to_camera(pose), intrinsics, width, height), shown)
+    return View(world_to_camera(pose), intrinsics, width, height)
 
 
 def resized(view: View, size: tuple[int, int]) -> View:
@@ -75,7 +67,6 @@ def reduced(image: Shaped[Tensor, "H W C"], size: tuple[int, int]) -> Shaped[Ten
 
 
 def views_of(cameras: Cameras) -> list[View]:
-    """The views of several cameras, shape [V]."""
     return [view_of(cameras[i : i + 1]) for i in range(len(cameras))]
 
 

@@ -13,7 +13,7 @@ from torch import Tensor
 
 from desplat_ns.backend.accumulated_weights import accumulated_weights
 from desplat_ns.backend.protocol import View
-from desplat_ns.cameras.views import reduced, view_of
+from desplat_ns.cameras.views import reduced, resized, view_of
 from desplat_ns.evaluation.config import EvaluationConfig
 from desplat_ns.gaussians.activation import activate_static
 from desplat_ns.layers import over_background
@@ -64,7 +64,7 @@ def embedding_from_left_half(
         rgb, seen, radius2 = (part.flatten(0, 1)[rows] for part in parts)
         return fit_response(rgb, seen, radius2, average)
     factor = max(1, round(math.sqrt(view.height * view.width / FITTED_PIXELS)))
-    smaller = view_of(camera, size_of=lambda width, height: (width // factor, height // factor))
+    smaller = resized(view, (view.width // factor, view.height // factor))
     columns = view.width // 2 * smaller.width // view.width  # whole ones: none sees the right half
     draw = as_function_of_embedding(model, smaller, columns)
     weight = torch.ones_like(photo[..., :1]) if mask is None else (mask != 0).to(photo)
