@@ -246,7 +246,7 @@ def trusted_tags() -> frozenset[str]:
     from nerfstudio.configs.dataparser_configs import all_dataparsers
     from nerfstudio.configs.method_configs import all_methods
 
-    from desplat_ns.data.parsers import OURS, without_prompts
+    from desplat_ns.data.layouts import OURS, without_prompts
 
     parsers: dict[str, Any] = {**OURS, **all_dataparsers}
     settled = [without_prompts(parsers[name]) for name in ("colmap", "nerfstudio-data")]

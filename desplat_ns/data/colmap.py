@@ -1,7 +1,4 @@
-"""COLMAP captures for nerfstudio: its `colmap` dataparser, read with pycolmap and without prompts.
-
-Letters in shapes: n photos, P points.
-"""
+"""COLMAP captures for nerfstudio: its `colmap` dataparser, by pycolmap and without prompts."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
@@ -19,8 +16,7 @@ from nerfstudio.data.scene_box import SceneBox
 from desplat_ns.core.console import announce_once, list_names
 from desplat_ns.core.errors import CaptureError
 from desplat_ns.core.options import check_ranges, ranged
-from desplat_ns.data.downscale import PhotoSource, downscale_factor, photo_sources
-from desplat_ns.data.gt_masks import gt_masks
+from desplat_ns.data.downscale import photo_sources
 from desplat_ns.data.photo_files import check_files
 from desplat_ns.data.poses import (
     OrientedPoses,
@@ -33,6 +29,10 @@ from desplat_ns.data.reconstruction import Frame, Reconstruction, read_reconstru
 from desplat_ns.data.splits import Lists, listed_photos, read_list_files
 
 _Hidden = tyro.conf.Suppress
+
+GT_MASKS = "distractor_mask_filenames"
+"""Metadata of a split: files of the photos' true masks, None where a photo has none; absent where
+all have none. A mask is a .png with the photo's name, white where a distractor is."""
 
 
 @dataclass
@@ -95,8 +95,7 @@ class DeSplatColmapDataParser(ColmapDataParser):
 
     @cached_property
     def reconstruction(self) -> Reconstruction:
-        """What is known of the capture. Raises CaptureError as `read`, and where it has no
-        points."""
+        """What is known of the capture. Raises CaptureError as `read`, and without points."""
         model = without_far_photos(self.read())
         if self.config.load_3D_points:
             is_finite = np.isfinite(model.points.xyz).all(axis=1)
@@ -117,17 +116,6 @@ class DeSplatColmapDataParser(ColmapDataParser):
     def oriented(self) -> OrientedPoses:
         """Poses of all photos with a pose, before any split."""
         return orient_poses(self.reconstruction, self.config)
-
-    def sources(self, frames: Sequence[Frame]) -> list[PhotoSource]:
-        """Files of these photos and the sizes at which they are used; says once whence. Raises
-        CaptureError where some are not there."""
-        config, images = self.config, self.photos_folder
-        factors = [downscale_factor(config.downscale_factor, frame) for frame in frames]
-        sources, note = photo_sources(images, frames, factors, config.downscale_rounding_mode)
-        check_files([source.path for source in sources], images, "photos", "--images-path")
-        if note:
-            announce_once(note)
-        return sources
 
     def masks(self, frames: Sequence[Frame]) -> list[Path] | None:
         """Files that say where these photos may be used, named a.png or a.jpg.png for a.jpg. Raises
@@ -188,10 +176,16 @@ class DeSplatColmapDataParser(ColmapDataParser):
         config = self.config
         indices = self.views(split)
         frames = [self.reconstruction.frames[i] for i in indices]
-        sources, oriented = self.sources(frames), self.oriented
+        sources = photo_sources(
+            self.photos_folder, frames, config.downscale_factor, config.downscale_rounding_mode
+        )
+        oriented = self.oriented
         metadata: dict[str, Any] = {}
         if config.distractor_masks_path is not None:
-            metadata |= gt_masks(config.data / config.distractor_masks_path, frames)
+            folder = config.data / config.distractor_masks_path
+            paths = [folder / Path(frame.name).with_suffix(".png") for frame in frames]
+            masks = [path if path.is_file() else None for path in paths]
+            metadata |= {GT_MASKS: masks} if any(masks) else {}
         if config.load_3D_points and len(self.reconstruction.points.xyz):
             metadata |= points_metadata(self.reconstruction, oriented, frames)
         half = config.scene_scale

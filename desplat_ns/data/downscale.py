@@ -9,8 +9,9 @@ from typing import Literal
 
 from nerfstudio.data.dataparsers.colmap_dataparser import MAX_AUTO_RESOLUTION
 
+from desplat_ns.core.console import announce_once
 from desplat_ns.data.images import image_size
-from desplat_ns.data.photo_files import begin_folder
+from desplat_ns.data.photo_files import begin_folder, check_files
 from desplat_ns.data.reconstruction import Frame
 
 Rounding = Literal["floor", "round", "ceil"]
@@ -28,7 +29,7 @@ class PhotoSource:
     height: int
 
 
-def downscale_factor(requested: int | float | None, frame: Frame) -> float:
+def downscale_factor(requested: int | None, frame: Frame) -> float:
     """The requested factor, or the power of two by which a photo comes to at most 1600 pixels."""
     if requested is None:
         longest = max(frame.width, frame.height)
@@ -37,9 +38,10 @@ def downscale_factor(requested: int | float | None, frame: Frame) -> float:
 
 
 def photo_sources(
-    images: Path, frames: Sequence[Frame], factors: Sequence[float], rounding: Rounding
-) -> tuple[list[PhotoSource], str]:
-    """Files and sizes of photos, each at 1/factor of its size, and a line that says whence.
+    images: Path, frames: Sequence[Frame], requested: int | None, rounding: Rounding
+) -> list[PhotoSource]:
+    """Files of photos and their sizes in use, by `downscale_factor`; says once whence they are.
+    Raises CaptureError where some are not there.
 
     A photo that is reduced is read from the folder beside `images` with the suffix `_factor`, if it
     is there at that size (`SIZE_TOLERANCE`), else from `images`. Nothing is written.
@@ -47,19 +49,22 @@ def photo_sources(
     folders = {(images / frame.name).parent for frame in frames}
     entries = (path for folder in folders if folder.is_dir() for path in folder.iterdir())
     begin_folder(images, [path.name for path in entries if path.is_file()])
-    sources = []
-    for frame, factor in zip(frames, factors, strict=True):
+    sources, reduced = [], []
+    for frame in frames:
+        factor = downscale_factor(requested, frame)
+        reduced += [factor] if factor > 1 else []
         sides = (reduced_length(side, factor, rounding) for side in (frame.width, frame.height))
         whole = PhotoSource(images / frame.name, *sides)
         sources.append(_copy_of(images, frame, factor) or whole)
-    reduced = [factor for factor in factors if factor > 1]
-    shares = ", ".join(f"1/{factor:g}" for factor in sorted(set(reduced)))
-    copies = sum(not source.path.is_relative_to(images) for source in sources)
-    note = (
-        f"{len(reduced)} of {len(frames)} photos are used at {shares} of their size; "
-        f"{copies} of them are read in smaller copies beside {images}."
-    )
-    return sources, note if reduced else ""
+    check_files([source.path for source in sources], images, "photos", "--images-path")
+    if reduced:
+        shares = ", ".join(f"1/{factor:g}" for factor in sorted(set(reduced)))
+        copies = sum(not source.path.is_relative_to(images) for source in sources)
+        announce_once(
+            f"{len(reduced)} of {len(frames)} photos are used at {shares} of their size; "
+            f"{copies} of them are read in smaller copies beside {images}."
+        )
+    return sources
 
 
 def reduced_length(length: int, factor: int | float, rounding: Rounding) -> int:
@@ -69,7 +74,7 @@ def reduced_length(length: int, factor: int | float, rounding: Rounding) -> int:
     return max(1, rounded[rounding](exact))
 
 
-def _copy_of(images: Path, frame: Frame, factor: int | float) -> PhotoSource | None:
+def _copy_of(images: Path, frame: Frame, factor: float) -> PhotoSource | None:
     """The reduced copy of a photo, if it is there and of the size that it should have."""
     path = images.with_name(f"{images.name}_{factor:g}") / frame.name
     if factor <= 1 or not os.path.isfile(path):

@@ -19,8 +19,10 @@ from typing import Any, NamedTuple
 import cv2
 import numpy as np
 import OpenImageIO as oiio
-from jaxtyping import Bool, Float, Float32, UInt8
+import torch
+from jaxtyping import Bool, Float32, UInt8
 from PIL import ExifTags, Image
+from torch import Tensor
 
 from desplat_ns.core.console import announce
 from desplat_ns.core.errors import CaptureError
@@ -33,6 +35,8 @@ FLOAT_SUFFIXES = (".exr", ".hdr", ".tif", ".tiff", ".jxl", ".pfm", ".dpx", ".psd
 """Of files whose samples may be floating point."""
 EXPOSED_FILES = 9
 """Photos by which the exposure of a capture is found."""
+GT_LEVEL = 0.5
+"""Share of white above which a true mask counts; in a mask without any such, all above black."""
 
 _LENS, _FOCAL, _FOCAL_35MM = "Exif:LensModel", "Exif:FocalLength", "Exif:FocalLengthIn35mmFilm"
 _LOCK = Lock()
@@ -146,10 +150,15 @@ def read_mask(path: Path, camera: tuple[int, int] | None = None) -> Bool[np.ndar
     return colors & opaque if colors.any() else opaque & ~opaque.all()
 
 
-def read_grey(path: Path) -> Float[np.ndarray, "H W"]:
-    """Grey values (Rec. 601) in [0, 1] of what the samples can hold. Raises CaptureError as
-    `read_image`."""
-    return _open(path).read(oiio.FLOAT)[..., :3] @ np.array([0.299, 0.587, 0.114])
+def read_gt_mask(path: Path, width: int, height: int) -> Bool[Tensor, "h w 1"]:
+    """A true mask of distractors (white) at the given size in pixels, nearest neighbour: which
+    pixels' grey (Rec. 601) is above `GT_LEVEL`. Raises CaptureError as `read_image`."""
+    grey = _open(path).read(oiio.FLOAT)[..., :3] @ np.array([0.299, 0.587, 0.114])
+    rows = (np.arange(height) + 0.5) * grey.shape[0] / height
+    columns = (np.arange(width) + 0.5) * grey.shape[1] / width
+    level = GT_LEVEL if grey.max() > GT_LEVEL else 0
+    mask = grey[rows.astype(int)][:, columns.astype(int)] > level
+    return torch.from_numpy(mask)[..., None]
 
 
 def resize_image(

@@ -6,19 +6,20 @@ To add a layout, write what finds it and enter it in `LAYOUTS`, before those tha
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
-from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
 from nerfstudio.data.dataparsers.base_dataparser import DataParser, DataParserConfig
 from nerfstudio.data.dataparsers.blender_dataparser import BlenderDataParserConfig
-from nerfstudio.data.dataparsers.nerfstudio_dataparser import NerfstudioDataParserConfig
+from nerfstudio.data.dataparsers.colmap_dataparser import ColmapDataParserConfig
+from nerfstudio.data.dataparsers.nerfstudio_dataparser import Nerfstudio, NerfstudioDataParserConfig
+from nerfstudio.data.dataparsers.phototourism_dataparser import PhototourismDataParserConfig
 from nerfstudio.plugins.registry_dataparser import DataParserSpecification
 
 from desplat_ns.core.console import announce, list_names
 from desplat_ns.core.errors import CaptureError, ConfigError
 from desplat_ns.core.options import option_of
-from desplat_ns.data.colmap import DeSplatColmapDataParserConfig, OwnSplitConfig
+from desplat_ns.data.colmap import DeSplatColmapDataParserConfig, OwnSplitConfig, with_pycolmap
 from desplat_ns.data.colmap_model import find_models
 from desplat_ns.data.on_the_go import (
     SPLIT_FILE,
@@ -27,9 +28,13 @@ from desplat_ns.data.on_the_go import (
     read_split,
 )
 from desplat_ns.data.photo_files import downscale_factors, photo_names, photos_near
-from desplat_ns.data.photo_tourism import DENSE, PhotoTourismDataParserConfig, split_folders
+from desplat_ns.data.photo_tourism import (
+    DENSE,
+    PhotoTourismDataParserConfig,
+    split_files,
+    split_folders,
+)
 from desplat_ns.data.robustnerf import RobustNerfDataParserConfig, describe
-from desplat_ns.data.split_file import split_files
 from desplat_ns.data.transforms_json import TransformsDataParser
 
 IMAGES = DeSplatColmapDataParserConfig().images_path
@@ -56,8 +61,8 @@ class Recognition:
     layout: str
     parser: str
     """Name of the dataparser in ns-train."""
-    parser_config: Callable[..., Any]
-    """Makes the dataparser's configuration from its options."""
+    default: Any
+    """The dataparser's configuration with its own options."""
     poses: str
     """Where they are."""
     summary: str
@@ -86,12 +91,10 @@ class Recognition:
         )
 
     def config(self, options: Mapping[str, Any]) -> DataParserConfig:
-        """The configuration of the dataparser that reads the capture, with `options` of the user's,
-        by the names of the fields, before the layout's. Raises ConfigError where this layout has no
-        use for one."""
-        default = self.parser_config()
-        useful = {f.name for f in fields(default)}
-        useful -= set(SPLIT_OPTIONS) if isinstance(default, OwnSplitConfig) else set()
+        """The configuration of the dataparser that reads the capture; `options` of the user's, by
+        their fields' names, come before the layout's. Raises ConfigError of one without a use."""
+        useful = {f.name for f in fields(self.default)}
+        useful -= set(SPLIT_OPTIONS) if isinstance(self.default, OwnSplitConfig) else set()
         if useless := [name for name in options if name not in useful]:
             given = " ".join(f"{option_of(name)} {options[name]}" for name in useless)
             raise ConfigError(
@@ -99,7 +102,7 @@ class Recognition:
                 f"out, or name another dataparser, as in `colmap {given}`. `{self.parser} --help`"
                 " at the end of the command lists the options of this one."
             )
-        return self.parser_config(data=self.data, **{**self.options, **options})
+        return replace(self.default, data=self.data, **{**self.options, **options})
 
 
 def recognise(data: Path) -> Recognition:
@@ -123,8 +126,11 @@ def is_capture(data: Path) -> bool:
 
 
 def _readings(data: Path) -> list[Recognition]:
-    found = [(row[:3], row[3](data)) for row in LAYOUTS]
-    return [Recognition(data, *layout, *what) for layout, what in found if what is not None]
+    return [
+        Recognition(data, layout, parser, default, *found)
+        for layout, parser, default, find in LAYOUTS
+        if (found := find(data)) is not None
+    ]
 
 
 def _nothing_found(data: Path) -> str:
@@ -233,17 +239,17 @@ def _photos(data: Path) -> tuple[Path, dict[str, Any]]:
     return data / f"{IMAGES}_{factors[0]}", {"downscale_factor": factors[0]}
 
 
-_Transforms = partial(NerfstudioDataParserConfig, _target=TransformsDataParser)
+_TRANSFORMS = NerfstudioDataParserConfig(_target=TransformsDataParser)
 
-LAYOUTS: tuple[tuple[str, str, Callable[..., Any], Callable[[Path], Found | None]], ...] = (
-    ("NeRF On-the-go", "on-the-go-data", OnTheGoDataParserConfig, _on_the_go),
-    ("RobustNeRF", "robustnerf-data", RobustNerfDataParserConfig, _robustnerf),
-    ("Photo Tourism", "photo-tourism-data", PhotoTourismDataParserConfig, _photo_tourism),
-    ("nerfstudio", "nerfstudio-data", _Transforms, _transforms),
-    ("Blender (NeRF synthetic)", "blender-data", BlenderDataParserConfig, _blender),
-    ("COLMAP", "colmap", DeSplatColmapDataParserConfig, _colmap),
+LAYOUTS: tuple[tuple[str, str, DataParserConfig, Callable[[Path], Found | None]], ...] = (
+    ("NeRF On-the-go", "on-the-go-data", OnTheGoDataParserConfig(), _on_the_go),
+    ("RobustNeRF", "robustnerf-data", RobustNerfDataParserConfig(), _robustnerf),
+    ("Photo Tourism", "photo-tourism-data", PhotoTourismDataParserConfig(), _photo_tourism),
+    ("nerfstudio", "nerfstudio-data", _TRANSFORMS, _transforms),
+    ("Blender (NeRF synthetic)", "blender-data", BlenderDataParserConfig(), _blender),
+    ("COLMAP", "colmap", DeSplatColmapDataParserConfig(), _colmap),
 )
-"""Name, dataparser, its configuration, and what finds the layout; the first that is found is taken,
+"""Name, dataparser, its own options, and what finds the layout; the first that is found is taken,
 so that the most specific ones come first."""
 
 
@@ -276,9 +282,9 @@ class DeSplatDataParserConfig(DataParserConfig):
     def recognised(self) -> DataParserConfig:
         """The configuration of the dataparser that reads the capture; says which and why. Raises as
         `recognise` and `Recognition.config`."""
-        match = recognise(self.data)
-        given = {name: value for name, value in vars(self).items() if value is not None}
-        config = match.config({n: v for n, v in given.items() if n not in ("_target", "data")})
+        match, fixed = recognise(self.data), ("_target", "data")
+        given = {n: v for n, v in vars(self).items() if v is not None and n not in fixed}
+        config = match.config(given)
         announce(match.line())
         return config
 
@@ -291,3 +297,34 @@ desplat_dataparser = DataParserSpecification(
     config=DeSplatDataParserConfig(),
     description="Any capture: recognises its layout and takes the dataparser that reads it.",
 )
+
+OURS = {
+    "desplat-data": DeSplatDataParserConfig(),
+    "robustnerf-data": RobustNerfDataParserConfig(),
+    "photo-tourism-data": PhotoTourismDataParserConfig(),
+    "on-the-go-data": OnTheGoDataParserConfig(),
+}
+"""This package's dataparsers by name, so that a checkout can be used without being installed."""
+
+
+def without_prompts(config: DataParserConfig) -> DataParserConfig:
+    """The dataparser that reads a capture: for desplat-data the one that it recognises, for
+    upstream's that ask questions ours, else the same.
+
+    Raises:
+        CaptureError: no capture is found.
+        ConfigError: upstream's phototourism-data (1.1.5), one hyphen from ours: it gives no 3D
+            points and splits by its own rule, so figures would be wrong without a word.
+    """
+    if isinstance(config, DeSplatDataParserConfig):
+        return config.recognised()
+    if type(config) is PhototourismDataParserConfig:
+        raise ConfigError(
+            "nerfstudio's dataparser phototourism-data gives no 3D points to start from and does "
+            "not read NeRF-W's split. Use photo-tourism-data, with two hyphens."
+        )
+    if type(config) is ColmapDataParserConfig:
+        return with_pycolmap(config)
+    if type(config) is NerfstudioDataParserConfig and config._target is Nerfstudio:
+        return replace(config, _target=TransformsDataParser)
+    return config

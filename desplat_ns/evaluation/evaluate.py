@@ -20,7 +20,7 @@ from desplat_ns.cameras.views import is_distorted
 from desplat_ns.core.console import progress_over
 from desplat_ns.core.errors import CaptureError, ConfigError, DeSplatError
 from desplat_ns.core.options import check_ranges
-from desplat_ns.data.gt_masks import read_gt_mask
+from desplat_ns.data.images import read_gt_mask
 from desplat_ns.distractors.distractors import Distractors
 from desplat_ns.evaluation.config import EvaluationConfig
 from desplat_ns.evaluation.halves import embedding_from_left_half, right_half

@@ -25,11 +25,9 @@ from desplat_ns.cameras.views import is_distorted
 from desplat_ns.core.console import announce, list_names
 from desplat_ns.core.errors import CaptureError
 from desplat_ns.core.options import check_ranges, ranged
-from desplat_ns.data.colmap import DeSplatColmapDataParser
+from desplat_ns.data.colmap import GT_MASKS, DeSplatColmapDataParser
 from desplat_ns.data.dataset import CaptureDataset, Photo, PhotoReader
-from desplat_ns.data.gt_masks import METADATA_KEY
-from desplat_ns.data.layouts import DeSplatDataParserConfig
-from desplat_ns.data.parsers import OURS, without_prompts
+from desplat_ns.data.layouts import OURS, DeSplatDataParserConfig, without_prompts
 from desplat_ns.data.photo_cache import SHARE, BoundedPhotos, free_memory, photo_bytes
 from desplat_ns.data.splits import in_both
 from desplat_ns.data.training_views import image_names
@@ -168,7 +166,7 @@ class DeSplatDataManager(FullImageDatamanager[CaptureDataset]):
 
     def gt_masks(self) -> list[tuple[Cameras, Path]]:
         """The camera of each training view whose distractors are known, and their mask's file."""
-        paths = self.train_dataparser_outputs.metadata.get(METADATA_KEY, [])
+        paths = self.train_dataparser_outputs.metadata.get(GT_MASKS, [])
         cameras = self.train_dataset.cameras
         return [
             (cameras[index : index + 1].to(self.device), Path(path))

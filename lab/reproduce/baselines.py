@@ -17,7 +17,8 @@ from torch import Tensor
 
 from desplat_ns.core.effects import EffectsConfig
 from desplat_ns.core.errors import CaptureError
-from desplat_ns.data.gt_masks import METADATA_KEY, read_gt_mask
+from desplat_ns.data.colmap import GT_MASKS
+from desplat_ns.data.images import read_gt_mask
 from desplat_ns.data.robustnerf import kind_of
 from desplat_ns.losses import photometric_losses
 from desplat_ns.method_configs import desplat
@@ -91,7 +92,7 @@ def mask_of(metadata: dict[str, Any], index: int) -> Path | None:
     Raises:
         CaptureError: it has none and may show anything; the message names the photo.
     """
-    masks = metadata.get(METADATA_KEY)
+    masks = metadata.get(GT_MASKS)
     path = masks[index] if masks else None
     if path is None:
         names = metadata.get("train_image_names", [])

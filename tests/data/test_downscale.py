@@ -8,6 +8,7 @@ from nerfstudio.cameras.cameras import CameraType
 
 from desplat_ns.data.downscale import PhotoSource, downscale_factor, photo_sources, reduced_length
 from desplat_ns.data.reconstruction import Frame
+from tests.helpers.files import touch
 
 
 def frame(name: str, width: int, height: int) -> Frame:
@@ -27,22 +28,29 @@ def test_lengths_round_as_asked():
 
 
 @pytest.mark.parametrize("fault", ["", "missing", "size"])
-def test_copies_are_used_at_their_own_size_if_they_fit(tmp_path: Path, photo_writer, fault: str):
+def test_copies_are_used_at_their_own_size_if_they_fit(
+    tmp_path: Path, photo_writer, fault: str, capsys
+):
     frames = [frame("a.png", 9, 7), frame("b.png", 9, 7)]
     copies = tmp_path / "images_2"
     photo_writer(copies / "a.png", 5, 4)  # rounded up by who made them
     if fault != "missing":
         photo_writer(copies / "b.png", *((9, 7) if fault == "size" else (5, 4)))
-    sources, note = photo_sources(tmp_path / "images", frames, [2.0, 2.0], "floor")
+    if fault:
+        touch(tmp_path, "images/b.png")
+    before = sorted(tmp_path.rglob("*"))
+    sources = photo_sources(tmp_path / "images", frames, 2, "floor")
     other = PhotoSource(tmp_path / "images" / "b.png", 4, 3)
     second = other if fault else PhotoSource(copies / "b.png", 5, 4)
     assert sources == [PhotoSource(copies / "a.png", 5, 4), second]
-    assert f"{1 if fault else 2} of them are read in smaller copies" in note
-    assert not (tmp_path / "images").exists()
+    said = capsys.readouterr().out
+    assert f"{1 if fault else 2} of them are read in smaller copies" in said
+    assert sorted(tmp_path.rglob("*")) == before
 
 
 def test_without_copies_or_at_full_size_the_originals_are_used(tmp_path: Path):
-    for factor, size in ((1.0, (9, 7)), (2.0, (4, 3))):
-        sources, _ = photo_sources(tmp_path / "i", [frame("a.png", 9, 7)], [factor], "floor")
+    touch(tmp_path, "i/a.png")
+    for factor, size in ((1, (9, 7)), (2, (4, 3))):
+        sources = photo_sources(tmp_path / "i", [frame("a.png", 9, 7)], factor, "floor")
         assert sources == [PhotoSource(tmp_path / "i" / "a.png", *size)]
-    assert list(tmp_path.iterdir()) == []
+    assert list(tmp_path.iterdir()) == [tmp_path / "i"]

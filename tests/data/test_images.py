@@ -8,11 +8,12 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+import torch
 from PIL import Image
 
 from desplat_ns.core.errors import CaptureError
 from desplat_ns.data import images
-from desplat_ns.data.images import image_size, read_image, read_mask, resize_image
+from desplat_ns.data.images import image_size, read_gt_mask, read_image, read_mask, resize_image
 
 
 def noise(height: int, width: int, channels: int = 3, seed: int = 0) -> np.ndarray:
@@ -93,3 +94,18 @@ def test_black_may_be_transparent_or_dark(tmp_path: Path, pixels, expected: list
     values = np.array([pixels], dtype=np.uint8)
     Image.fromarray(values.squeeze(-1) if values.shape[2] == 1 else values).save(tmp_path / "m.png")
     assert read_mask(tmp_path / "m.png").tolist() == [expected]
+
+
+def test_a_true_mask_is_reduced_to_the_size_of_the_rendering(tmp_path: Path):
+    large = np.zeros((6, 12), np.uint8)
+    large[:, :3] = 255
+    Image.fromarray(large).save(tmp_path / "big.png")
+    expected = torch.tensor([[True, False, False, False]] * 2)[..., None]
+    assert torch.equal(read_gt_mask(tmp_path / "big.png", 4, 2), expected)
+
+
+@pytest.mark.parametrize("kind", [np.uint8, np.uint16])
+def test_in_a_true_mask_of_0_and_1_what_is_1_counts(tmp_path: Path, kind: type):
+    Image.fromarray(np.array([[0, 1, 1, 0]] * 2, kind)).save(tmp_path / "a.png")
+    expected = torch.tensor([[False, True, True, False]] * 2)[..., None]
+    assert torch.equal(read_gt_mask(tmp_path / "a.png", 4, 2), expected)

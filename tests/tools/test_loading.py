@@ -16,7 +16,7 @@ from nerfstudio.utils import eval_utils
 
 from desplat_ns.core.errors import ConfigError
 from desplat_ns.core.run_files import find_run
-from desplat_ns.data.parsers import OURS, without_prompts
+from desplat_ns.data.layouts import OURS, without_prompts
 from desplat_ns.plugin import UNPICKLES, trusted_tags
 from desplat_ns.tools.loading import load_run
 

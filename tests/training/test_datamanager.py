@@ -21,8 +21,8 @@ from nerfstudio.data.dataparsers.phototourism_dataparser import PhototourismData
 from desplat_ns.core.errors import CaptureError, ConfigError
 from desplat_ns.data.colmap import DeSplatColmapDataParserConfig
 from desplat_ns.data.dataset import CaptureDataset
+from desplat_ns.data.layouts import without_prompts
 from desplat_ns.data.on_the_go import OnTheGoDataParserConfig
-from desplat_ns.data.parsers import without_prompts
 from desplat_ns.data.photo_tourism import PhotoTourismDataParserConfig
 from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
 from desplat_ns.data.transforms_json import TransformsDataParser

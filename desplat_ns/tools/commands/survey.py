@@ -37,8 +37,7 @@ class Arguments:
         check_new_file(file, self.overwrite)
 
         from desplat_ns.core.whole import plain_errors, write_whole
-        from desplat_ns.data.layouts import DeSplatDataParserConfig
-        from desplat_ns.data.parsers import without_prompts
+        from desplat_ns.data.layouts import DeSplatDataParserConfig, without_prompts
         from desplat_ns.survey.survey import survey
         from desplat_ns.training.datamanager import AnyDataParser  # seconds: checks first
 

@@ -8,7 +8,7 @@ import torch
 from nerfstudio.plugins.types import MethodSpecification
 
 from desplat_ns.core.errors import CaptureError
-from desplat_ns.data.gt_masks import METADATA_KEY
+from desplat_ns.data.colmap import GT_MASKS
 from desplat_ns.tools.studies.methods import parse
 from lab.reproduce.baselines import (
     TRIMMED_SHARE,
@@ -39,7 +39,7 @@ def test_they_differ_from_plain_splatfacto_in_nothing_but_the_loss(method: Metho
     [([Path("a.png"), None], ["a.jpg", "b.jpg"]), (None, ["clean_1.jpg", "clutter_2.jpg"])],
 )
 def test_a_photo_without_a_mask_is_named_unless_its_name_says_that_it_is_clean(masks, names):
-    metadata = {METADATA_KEY: masks, "train_image_names": names}
+    metadata = {GT_MASKS: masks, "train_image_names": names}
     assert mask_of(metadata, 0) == (masks[0] if masks else None)
     with pytest.raises(CaptureError, match=names[1]):
         mask_of(metadata, 1)
