@@ -59,7 +59,6 @@ class CaptureDataset(InputDataset):
         data: Photo = {"image_idx": image_idx, "image": read(image_idx)}
         if self._dataparser_outputs.mask_filenames is not None:
             data["mask"] = self.get_mask(image_idx)
-        data.update(self.get_metadata(data))
         return data
 
     def get_mask(self, image_idx: int) -> Bool[Tensor, "H W 1"]:

@@ -39,8 +39,7 @@ class OrientedPoses:
 
 def orient_poses(known: Reconstruction, config: ColmapDataParserConfig) -> OrientedPoses:
     """Poses turned, centred and scaled by nerfstudio's options. Their middle is taken off in
-    float64: float32 has a quarter of a metre left for what lies 3,000 km out (geo-referenced
-    captures)."""
+    float64: float32 has steps of 0.25 m where a geo-referenced capture lies 3,000 km out."""
     applied = np.eye(4)
     if config.assume_colmap_world_coordinate_convention and not known.is_upright:
         # COLMAP's guess of gravity (-y) to nerfstudio's up (+z): (x, y, z) -> (x, z, -y).
@@ -80,17 +79,16 @@ def without_far_photos(known: Reconstruction) -> Reconstruction:
     centres = camera_to_worlds(frames)[:, :3, 3]
     off = np.linalg.norm(centres - np.median(centres, axis=0), axis=1)
     usual = np.median(off)
-    far = [frames[i] for i in np.flatnonzero(off > FAR * usual) if not _shows(frames[i], xyz)]
+    far = [i for i in np.flatnonzero(off > FAR * usual) if not _shows(frames[i], xyz)]
     if not far or usual == 0 or (len(xyz) == 0 and 4 * len(far) >= len(frames)):
         return known
     announce_once(
         f"{len(far)} of {len(frames)} photos in {known.folder} are left out. Their cameras are "
         f"{FAR} times and more as far off as the others are and show nothing of the points: their "
-        f"poses must be wrong. They are {list_names(frame.name for frame in far)}.",
+        f"poses must be wrong. They are {list_names(frames[i].name for i in far)}.",
         warning=True,
     )
-    ids = {frame.image_id for frame in far}
-    return replace(known, frames=[frame for frame in frames if frame.image_id not in ids])
+    return replace(known, frames=[frame for i, frame in enumerate(frames) if i not in far])
 
 
 def _shows(frame: Frame, xyz: Float[np.ndarray, "P 3"]) -> bool:

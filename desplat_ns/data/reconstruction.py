@@ -151,6 +151,12 @@ def _frame(image: "pycolmap.Image", folder: Path) -> Frame:
         name = Path(image.name).as_posix()
     except UnicodeDecodeError as error:  # `check_frame` refuses it
         name = error.object.decode(errors="surrogateescape")
+    keys = [key.strip() for key in camera.params_info.split(",")]
+    lens = dict(zip(keys, map(float, camera.params), strict=True))
+    if "f" in lens:
+        lens["fx"] = lens["fy"] = lens.pop("f")
+    if "k" in lens:
+        lens["k1"] = lens.pop("k")
     frame = Frame(
         name=name,
         image_id=image.image_id,
@@ -158,7 +164,7 @@ def _frame(image: "pycolmap.Image", folder: Path) -> Frame:
         camera_type=camera_type_of(camera.model.name, name, folder),
         width=camera.width,
         height=camera.height,
-        intrinsics=_intrinsics(camera),
+        intrinsics=lens,
     )
     check_frame(frame, folder)
     return frame
@@ -198,14 +204,3 @@ def check_frame(frame: Frame, source: Path) -> None:
             f"A photo in {source} has the name {name!a}, which is no UTF-8. Rename the photo there "
             "and in its folder."
         )
-
-
-def _intrinsics(camera: "pycolmap.Camera") -> dict[str, float]:
-    """COLMAP's parameters by name; f stands for fx and fy, k for k1."""
-    names = [name.strip() for name in camera.params_info.split(",")]
-    values = dict(zip(names, (float(value) for value in camera.params), strict=True))
-    if "f" in values:
-        values["fx"] = values["fy"] = values.pop("f")
-    if "k" in values:
-        values["k1"] = values.pop("k")
-    return values

@@ -1,7 +1,4 @@
-"""transforms.json, as nerfstudio, instant-ngp and other programs write it.
-
-Letters in shapes: n photos.
-"""
+"""transforms.json, as nerfstudio, instant-ngp and other programs write it."""
 
 import json
 import math
@@ -82,7 +79,7 @@ def read_transforms(path: Path, with_points: bool) -> Reconstruction:
         cloud = folder / head["ply_file_path"] if head.get("ply_file_path") else None
         for number, row in enumerate(document["frames"]):
             where = f"frames[{number}]"
-            frames.append(_frame(head | row, number, path))
+            frames.append(_frame(head | row, path))
     except UNEXPECTED as error:
         raise CaptureError(
             f"{path} cannot be used: in {where}, {type(error).__name__}: {error}. It needs a list "
@@ -92,15 +89,14 @@ def read_transforms(path: Path, with_points: bool) -> Reconstruction:
         ) from error
     if not frames:
         raise CaptureError(f"{path} has no frames. Write it again, with a pose for each photo.")
-    frames = [
-        replace(frame, image_id=number)
-        for number, frame in enumerate(sorted(frames, key=lambda frame: Path(frame.name)))
-    ]
     # The folder that all share has copies of reduced photos beside it, as images_2 for images.
     tops = {frame.name.partition("/")[0] if "/" in frame.name else "" for frame in frames}
     top = tops.pop() if len(tops) == 1 else ""
     above = f"{top}/" if top else ""
-    frames = [replace(frame, name=frame.name.removeprefix(above)) for frame in frames]
+    frames = [
+        replace(frame, name=frame.name.removeprefix(above), image_id=number)
+        for number, frame in enumerate(sorted(frames, key=lambda frame: Path(frame.name)))
+    ]
     lists = {s: [name.removeprefix(above) for name in names] for s, names in lists.items()}
     return Reconstruction(
         folder=folder,
@@ -119,8 +115,8 @@ def _name(given: str, folder: Path) -> str:
     return Path(given.replace("\\", "/") if is_windows else given).as_posix()
 
 
-def _frame(row: dict[str, Any], number: int, path: Path) -> Frame:
-    """A frame with the head's numbers in it."""
+def _frame(row: dict[str, Any], path: Path) -> Frame:
+    """A frame with the head's numbers in it; not numbered yet."""
     name = _name(row["file_path"], path.parent)
     pose = np.eye(4)
     matrix = np.array(row["transform_matrix"], np.float64)
@@ -141,7 +137,7 @@ def _frame(row: dict[str, Any], number: int, path: Path) -> Frame:
     mask = row.get("mask_path") or row.get("mask_filename")
     frame = Frame(
         name=name,
-        image_id=number,
+        image_id=0,
         world_to_camera=np.linalg.inv(pose)[:3],
         camera_type=_camera_type(row, name, path),
         width=width,
