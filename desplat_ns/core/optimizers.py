@@ -36,14 +36,12 @@ class FusedAdamConfig(AdamOptimizerConfig):
     """nerfstudio's Adam, fused (`adam`)."""
 
     def setup(self, params: list[nn.Parameter]) -> Optimizer:
-        """The optimizer of one group of parameters."""
         return adam(params, self.lr, self.eps, self.weight_decay)
 
 
 def optimizer_options(optimizers: Mapping[str, Any], factor: float = 1.0) -> dict[str, Any]:
     """A copy of a TrainerConfig's `optimizers`, with a factor on the rates of `SHORT_RUN_GROUPS`; a
-    rate that decays still ends at `lr_final`. A group whose rate is 0 is frozen: it has no
-    exponential decay."""
+    rate that decays still ends at `lr_final`. One of 0 is frozen: it has no exponential decay."""
     copied = dict(optimizers)
     for name, group in optimizers.items():
         optimizer, decay = group["optimizer"], group["scheduler"]

@@ -36,8 +36,7 @@ Shown: TypeAlias = (
 
 
 def template(path: Path, **filters: Callable[..., Any]) -> jinja2.Template:
-    """A template that escapes what it is given, and fails where a name is unknown. Besides
-    `filters` it has `time`."""
+    """A template that escapes what it is given, with `filters` and `time`; unknown names fail."""
     environment = jinja2.Environment(
         autoescape=True,
         undefined=jinja2.StrictUndefined,
@@ -66,8 +65,7 @@ class Picture:
 
 
 def picture_of(image: Any, share: float = 1.0) -> Picture:
-    """An image [H, W, 1 or 3], tensor or array, in [0, 1] or of 8 bits, as large as a page may need
-    it."""
+    """A tensor or array [H, W, 1 or 3], in [0, 1] or of 8 bits, as large as a page may need it."""
     pixels = image.detach().cpu().numpy() if hasattr(image, "detach") else image
     return Picture(shrunk(to_rgb8(pixels), LARGEST_SIDE), share)
 

@@ -23,8 +23,7 @@ def is_photo(path: Path) -> bool:
 
 
 def photo_names(folder: Path) -> list[str]:
-    """Photos in a folder and the folders inside it, sorted: paths below it with forward slashes.
-    Empty if there is no such folder."""
+    """Of `file_names` the photos; empty if there is no such folder."""
     return [name for name in file_names(folder) if is_photo(Path(name))]
 
 

@@ -28,13 +28,10 @@ class RobustNerfDataParserConfig(OwnSplitConfig):
 
 
 class RobustNerfDataParser(DeSplatColmapDataParser):
-    """See `RobustNerfDataParserConfig`."""
-
     config: RobustNerfDataParserConfig
     split_by = "file names: `clutter` or `clean` trains (by the ratio), `extra` is held out"
 
     def lists(self, names: Sequence[str]) -> Lists:
-        """Each photo by what its name says."""
         train = names_by_ratio(names, self.config.train_split_clean_clutter_ratio)
         return {"train": train, "test": [name for name in names if kind_of(name) == "extra"]}
 

@@ -39,8 +39,7 @@ SAME_STRUCTURE, MATCHED_STRUCTURE = 0.5, 0.9
 """Normalized cross-correlation of two patches above which they show the same, and where there are
 no tracks and patches alone say that two photos show one point."""
 FLAT = 0.012
-"""Standard deviation of a patch's brightness below which it has no structure to compare: three of
-255 levels."""
+"""Standard deviation of brightness below which a patch has no structure: three of 255 levels."""
 
 
 def change_of_photos(light: PhotoLight) -> Float[np.ndarray, " K"]:

@@ -28,7 +28,6 @@ class Finding:
     """What was measured, NaN where it could not be; docs/explain/survey.md says what each is."""
 
     def line(self) -> str:
-        """For a console: the decision and why."""
         sure = {"clear": "", "close": " (a close call)", "none": " (the safe side)"}
         return f"{self.effect}: {self.decision}{sure[self.confidence]}. {self.reason}"
 
@@ -47,11 +46,9 @@ class Survey:
 
     @property
     def findings(self) -> tuple[Finding, Finding]:
-        """In the order of the effects' switches."""
         return self.appearance, self.background
 
     def decisions(self) -> dict[str, str]:
-        """The switches by name."""
         return {finding.effect: finding.decision for finding in self.findings}
 
     def to_json(self) -> str:
