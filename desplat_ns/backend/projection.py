@@ -94,10 +94,7 @@ def view_colors(splats: Splats, view: View) -> Float[Tensor, "N 3"]:
     """Colours seen from `view`: as given, or max(SH + 1/2, 0) where `sh_degree` is set."""
     if splats.sh_degree is None:
         return splats.colors
-    dirs = torch.nn.functional.normalize(splats.means - view.center, dim=-1)
-    basis = sh_basis(splats.sh_degree, dirs)
-    coefficients = splats.colors[:, : basis.shape[-1]]
-    return cut_at_zero(torch.einsum("nk,nkc->nc", basis, coefficients) + 0.5)
+    return cut_at_zero(_sh_colors(splats.means - view.center, splats.colors, splats.sh_degree))
 
 
 def cut_at_zero(colors: Float[Tensor, "N 3"]) -> Float[Tensor, "N 3"]:
@@ -143,10 +140,15 @@ def uncut_colors(
         )  # type: ignore[return-value]
     # Replaced before the length is divided by: 0 * inf in the backward pass is NaN.
     away = torch.where(shown[:, None], means - center, 1.0)
-    basis = sh_basis(splats.sh_degree, torch.nn.functional.normalize(away, dim=-1))
-    used = coefficients[:, : basis.shape[1]].masked_fill(~shown[:, None, None], 0)
-    colors = torch.einsum("nk,nkc->nc", basis, used) + 0.5
+    used = coefficients.masked_fill(~shown[:, None, None], 0)
+    colors = _sh_colors(away, used, splats.sh_degree)
     return colors.masked_fill(~shown[:, None], 0), coefficients[:, 0]
+
+
+def _sh_colors(away: Tensor, coefficients: Tensor, degree: int) -> Tensor:
+    """SH + 1/2 [N, 3] along `away` [N, 3], which may have any length."""
+    basis = sh_basis(degree, torch.nn.functional.normalize(away, dim=-1))
+    return torch.einsum("nk,nkc->nc", basis, coefficients[:, : basis.shape[-1]]) + 0.5
 
 
 def _intrinsics(view: View) -> tuple[Tensor, Tensor, Tensor, Tensor]:

@@ -6,6 +6,7 @@ from typing import Literal, get_args
 
 import torch
 
+from desplat_ns.backend import gsplat_build
 from desplat_ns.backend.protocol import Rasterizer
 from desplat_ns.core.errors import BackendUnavailableError
 
@@ -24,7 +25,16 @@ FASTEST = {"cuda": "gsplat", "cpu": "numba"}
 """What `auto` is on a device type; `torch` on others."""
 
 
-def _gsplat_unavailable(device: str) -> str | None:
+def unavailable_reason(name: str, device: str) -> str | None:
+    """Why a backend cannot run on a device type ("cpu", "cuda") and what to do; None where it can.
+    On CUDA `auto` is gsplat or none: the others would be slow there in silence."""
+    if name == "numba" and device != "cpu":
+        return (
+            f"renders on the CPU and the model is on {device}. Add `--machine.device-type cpu`, or "
+            "`--pipeline.model.backend gsplat`."
+        )
+    if name != "gsplat":
+        return None
     if not torch.cuda.is_available():
         return (
             "needs a CUDA device and torch sees none. Add `--pipeline.model.backend numba`, "
@@ -35,25 +45,10 @@ def _gsplat_unavailable(device: str) -> str | None:
             f"renders on CUDA and the model is on the {device}. Add `--machine.device-type cuda`, "
             "or `--pipeline.model.backend numba`."
         )
-    from desplat_ns.backend.gsplat_build import unavailable_reason
-
-    reason = unavailable_reason()
+    reason = gsplat_build.unavailable_reason()
     if reason is None:
         return None
     return f"{reason} Or put `CUDA_VISIBLE_DEVICES=` before the command: it then runs on the CPU."
-
-
-def unavailable_reason(name: str, device: str) -> str | None:
-    """Why a backend cannot run on a device type ("cpu", "cuda") and what to do; None where it can.
-    On CUDA `auto` is gsplat or none: the others would be slow there in silence."""
-    if name == "gsplat":
-        return _gsplat_unavailable(device)
-    if name == "numba" and device != "cpu":
-        return (
-            f"renders on the CPU and the model is on {device}. Add `--machine.device-type cpu`, or "
-            "`--pipeline.model.backend gsplat`."
-        )
-    return None
 
 
 def default_device() -> str:
