@@ -170,7 +170,7 @@ def test_appearance_and_background_stay_on_the_gpu(appearance):
         model = ImageEffects(effects, AppearanceConfig(), 4, sh_degree=3)
     features = fourier_features(cuda(N, 3))
     assert_on_cuda(*model.parameters(), features)
-    for embedding in (model.of(2), model.mean()):
+    for embedding in (model.of(2), model.of(None)):
         coefficients = Splats(cuda(N, 3), cuda(N, 4), cuda(N, 3), cuda(N), cuda(N, 16, 3), 2)
         colors = Splats(cuda(N, 3), cuda(N, 4), cuda(N, 3), cuda(N), cuda(N, 3))
         toned = [

@@ -47,7 +47,7 @@ def embedding_from_left_half(
     Gaussians that the left half does not need are not drawn. What `mask` leaves out does not count.
     """
     view = view_of(camera)
-    average = model.image_effects.mean()
+    average = model.image_effects.of(None)
     if model.effects.closed_form:
         left = torch.arange(view.width, device=photo.device) < view.width // 2
         counts = left.expand(view.height, -1)

@@ -73,6 +73,10 @@ class SharedBackground(nn.Module):
         self.degree = degree
         self.coefficients = nn.Parameter(torch.zeros((degree + 1) ** 2, 3))
 
+    def forward(self, embedding: Float[Tensor, " E"]) -> Float[Tensor, "K 3"]:
+        """The same for every image."""
+        return self.coefficients
+
     def param_groups(self) -> dict[str, list[nn.Parameter]]:
         return {"background_coefficients": [self.coefficients]}
 

@@ -75,25 +75,20 @@ class ImageEffects(nn.Module):
             degree = BACKGROUND_DEGREE if effects.background == "sh" else 0
             self.background = SharedBackground(degree)
 
-    def of(self, image: int) -> Float[Tensor, " E"]:
-        """The embedding of a training image; empty if images do not differ."""
-        parts = [table[image] for table in (self.responses, self.embeddings) if table is not None]
-        return torch.cat(parts) if parts else torch.zeros(0)
-
-    def mean(self) -> Float[Tensor, " E"]:
-        """The training images' average light: that of an image that was not trained on."""
+    def of(self, image: int | None) -> Float[Tensor, " E"]:
+        """The embedding of a training image; with None the training images' average light, for an
+        image that was not trained on; empty if images do not differ."""
         tables = [table for table in (self.responses, self.embeddings) if table is not None]
-        return torch.cat([table.mean(dim=0) for table in tables]) if tables else torch.zeros(0)
+        parts = [table.mean(dim=0) if image is None else table[image] for table in tables]
+        return torch.cat(parts) if parts else torch.zeros(0)
 
     def apply_appearance(
         self, splats: Splats, features: Float[Tensor, "N Z"], embedding: Float[Tensor, " E"]
     ) -> Splats:
         """All static Gaussians in the colours of the image that `embedding` describes, for a file;
         for a picture `appearance.in_view` is quicker."""
-        if self.appearance is None:
-            return splats
         splats = as_harmonics(splats)
-        assert splats.sh_degree is not None
+        assert self.appearance is not None and splats.sh_degree is not None
         colors = self.appearance(embedding, features, splats.colors, splats.sh_degree)
         return replace(splats, colors=colors)
 
@@ -113,11 +108,7 @@ class ImageEffects(nn.Module):
         """The background of the image that `embedding` describes, seen from `view`; [3] in training
         if it has one colour. `degree` is cut to that of the background."""
         assert self.background is not None
-        if isinstance(self.background, Background):
-            assert self.embeddings is not None
-            coefficients = self.background(embedding[-self.embeddings.shape[1] :])
-        else:
-            coefficients = self.background.coefficients
+        coefficients = self.background(embedding[-EMBEDDING_DIM:])
         degree = min(degree, self.background.degree)
         if degree == 0:
             color = (C0 * coefficients[0] + 0.5).clamp(0, 1)

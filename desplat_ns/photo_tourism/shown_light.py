@@ -64,4 +64,4 @@ class ShownLight(ViewerControl):
                 return lights.of(self.names.index(self.choice.value))
             if name := os.environ.get(VARIABLE):
                 return light_of(name, self.names, lights)
-        return lights.mean() if image is None else lights.of(image)
+        return lights.of(image)

@@ -104,7 +104,7 @@ def test_the_light_of_a_photo_is_found_again(model, pixels, monkeypatch):
 def test_figures_are_the_right_halfs(model, monkeypatch):
     """A photo that is right on the left and wrong on the right scores as wrong."""
     photo = photo_in_the_light_of(model, 1)
-    mean = model.image_effects.mean()
+    mean = model.image_effects.of(None)
     protocol, known = by_left_half(model, SHORT), model.image_effects.of(1).detach()
     monkeypatch.setattr(module, "embedding_from_left_half", lambda *_: known)
     right, _ = protocol.score(held_out(), {"image": photo})
@@ -115,7 +115,7 @@ def test_figures_are_the_right_halfs(model, monkeypatch):
     right_half(photo)[:] = 0
     wrong, _ = protocol.score(held_out(), {"image": photo})
     assert wrong["psnr"] < 30
-    assert torch.equal(mean, model.image_effects.mean())
+    assert torch.equal(mean, model.image_effects.of(None))
 
 
 def test_right_halves_without_embeddings_are_scored_in_the_average_light(model):

@@ -168,7 +168,7 @@ def test_training_finds_the_cameras_responses_and_leaves_the_scene_its_colours()
         trainer.step(step, view=step % 3)
     responses = model.image_effects.responses.detach()
     torch.testing.assert_close(responses[:, :3], lights[:, :3], atol=0.06, rtol=0)
-    assert model.image_effects.mean()[:CENTRED].abs().max() < 1e-5
+    assert model.image_effects.of(None)[:CENTRED].abs().max() < 1e-5
     assert not torch.equal(draw(model.eval(), 0), draw(model, 2))
 
 
@@ -193,7 +193,7 @@ def test_the_light_of_a_test_photo_is_found_on_its_left_half_at_once():
     photo = camera_response(plain, light, radius2).clamp(0, 1)
     photo[:, WIDTH // 2 :] = 0.5  # what the right half shows has no say
     embedding = embedding_from_left_half(model, held_out(), photo, EvaluationConfig(steps=0))
-    with model.shown_in(embedding):
+    with model.shown_light.fixed(embedding):
         again = model.get_outputs_for_camera(held_out())["rgb"]
     left = photo.shape[1] // 2
     torch.testing.assert_close(again[:, :left], photo[:, :left], atol=2e-3, rtol=0)
