@@ -95,9 +95,15 @@ class DeSplatPipeline(VanillaPipeline):
 
     @contextmanager
     def static_scene(self) -> Iterator[None]:
-        """Within, the static scene is drawn, whatever an open viewer shows."""
-        with self._model.layer_control.suspended(), self._model.shown_light.suspended():
-            yield
+        """Within, the static scene is drawn, outside of training and whatever an open viewer
+        shows."""
+        was_training = self.training
+        self.eval()
+        try:
+            with self._model.layer_control.suspended(), self._model.shown_light.suspended():
+                yield
+        finally:
+            self.train(was_training)
 
     def get_average_image_metrics(
         self,
@@ -135,16 +141,11 @@ class DeSplatPipeline(VanillaPipeline):
         self, data_loader: Any, paths: Sequence[Path], show: Show, in_full: bool
     ) -> dict[str, Any]:
         images, names = data_loader, image_names([Path(path) for path in paths])
-        was_training = self.training
-        self.eval()
-        try:
-            with self.static_scene():
-                if not in_full:
-                    return evaluate_in_training(self._model, images, names, show)
-                masks = self.datamanager.gt_masks()
-                return evaluate(self._model, self.config.evaluation, images, names, masks, show)
-        finally:
-            self.train(was_training)
+        with self.static_scene():
+            if not in_full:
+                return evaluate_in_training(self._model, images, names, show)
+            masks = self.datamanager.gt_masks()
+            return evaluate(self._model, self.config.evaluation, images, names, masks, show)
 
     # --- checkpoints -------------------------------------------------------------------------
 

@@ -2,7 +2,8 @@
 the optimizers: the scene that it belongs to, and the random generators."""
 
 import random
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -81,6 +82,16 @@ def rng_state() -> dict[str, Any]:
         "cuda": torch.cuda.get_rng_state_all() if torch.cuda.is_initialized() else [],
         "python": random.getstate(),
     }
+
+
+@contextmanager
+def rng_kept() -> Iterator[None]:
+    """Around what draws from the generators, and must not change what training draws."""
+    state = rng_state()
+    try:
+        yield
+    finally:
+        restore_rng(state)
 
 
 def restore_rng(state: Mapping[str, Any]) -> None:

@@ -2,7 +2,7 @@
 stays, neither in parameters and moments nor in what densification and placement remember."""
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -63,7 +63,8 @@ class GuardedOptimizers(Optimizers):
             what = "The step is skipped, and so are others of this photo if they are like it."
             announce(f"{self._last}. {what}", warning=True)
         model.train_step = None  # a refinement or reset that was due follows at the next one
-        _drop_gradients(every)
+        for optimizer in every:
+            optimizer.zero_grad()
 
     def scheduler_step_all(self, step: int) -> None:
         """nerfstudio's, which logs all rates at every step; here where a step is logged."""
@@ -88,18 +89,10 @@ def is_sound(losses: Iterable[Tensor], optimizers: Iterable[Optimizer]) -> bool:
     """Whether the sum of squares of the terms of the loss and of all gradients is finite: none of
     them is NaN, infinite, or so large (1.8e19 in float32) that Adam's second moment would stay
     infinite."""
-    gradients = [p.grad for p in _parameters_of(optimizers) if p.grad is not None]
+    parameters = (p for each in optimizers for group in each.param_groups for p in group["params"])
+    gradients = [p.grad for p in parameters if p.grad is not None]
     values = [*losses, *([get_total_norm(gradients, foreach=True)] if gradients else [])]
     if not values:
         return True
     every = torch.stack(values)
     return math.isfinite(torch.dot(every, every).item())
-
-
-def _drop_gradients(optimizers: Iterable[Optimizer]) -> None:
-    for parameter in _parameters_of(optimizers):
-        parameter.grad = None
-
-
-def _parameters_of(optimizers: Iterable[Optimizer]) -> Iterator[nn.Parameter]:
-    return (p for each in optimizers for group in each.param_groups for p in group["params"])

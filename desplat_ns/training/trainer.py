@@ -238,12 +238,13 @@ class DeSplatTrainer(Trainer):
             end = self._plan["steps"] / schedule.scale
             schedule.aim(at, schedule.nominal(at), self.total, end)
 
+    @resume.rng_kept()
     def _prices_of_steps(self, each: int) -> tuple[float, float]:
         """Prices for a `Clock`, by medians of `each` steps on photos of the smallest and of the
         largest size that are coming. Another model trains, and nothing of the run changes."""
         pipeline, manager, kept = self.pipeline, self.pipeline.datamanager, self.pipeline.model
-        state, order = resume.rng_state(), manager.sampler_state()
-        sizes, pixels = kept.config.downscale_factor, manager.get_train_rays_per_batch()
+        order, pixels = manager.sampler_state(), manager.get_train_rays_per_batch()
+        sizes = kept.config.downscale_factor
         last = sizes(self.config.nominal_num_iterations, pixels)
         first, step = max(sizes(0, pixels), 2 * last), kept.config.sh_degree
         timed: dict[float, list[float]] = {first: [], last: []}
@@ -262,7 +263,6 @@ class DeSplatTrainer(Trainer):
                 torch.cuda.synchronize()
             timed[factor].append(self._seconds() - began)
         pipeline._model = kept
-        resume.restore_rng(state)
         manager.load_sampler_state(order)
         small, whole = median(timed[first][1:]), median(timed[last])  # the first reads photos
         pixel = max(0.0, whole - small) / (pixels / last**2 - pixels / first**2)
@@ -361,17 +361,13 @@ class DeSplatTrainer(Trainer):
         intervals = (config.steps_per_eval_batch, config.steps_per_eval_image)
         if not any(step_check(step, n) for n in (*intervals, config.steps_per_eval_all_images)):
             return
-        state = resume.rng_state()
         try:
-            with self.pipeline.static_scene():
+            with resume.rng_kept(), self.pipeline.static_scene():
                 super().eval_iteration(step)
-            self.preview.after_step(step, is_evaluated=True)
+                self.preview.after_step(step, is_evaluated=True)
         except Exception:
-            resume.restore_rng(state)
             self.save_checkpoint(step)
             raise
-        finally:
-            resume.restore_rng(state)
 
     def _after_train(self) -> None:
         """Save and report, in place of nerfstudio's, which counts one step too many of a run that
