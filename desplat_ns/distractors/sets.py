@@ -6,6 +6,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import torch
+from gsplat.strategy.ops import _update_param_with_optimizer as replace_rows
 from jaxtyping import Float, Int
 from torch import Tensor, nn
 from torch.optim import Optimizer
@@ -37,25 +38,20 @@ class ViewDistractors:
         """What gsplat's strategy gathers."""
         self.refinement = 0
         """How many refinements had fallen due when the view was refined last."""
-        self._saved_moments: dict[str, dict[str, Any]] = {}
 
     def __len__(self) -> int:
         return len(self.params["means"])
 
     def begin_step(self, rates: Mapping[str, float]) -> None:
         """Make its optimizer ready for a step with these learning rates; drop gradients."""
-        if self.optimizer is None:
-            self.optimizer = adam([{"params": [parameter]} for parameter in self.params.values()])
-            if self._saved_moments:
-                moments = enumerate(map(self._saved_moments.get, self.params))
-                state = {index: saved for index, saved in moments if saved is not None}
-                groups = self.optimizer.state_dict()["param_groups"]
-                self.optimizer.load_state_dict({"state": state, "param_groups": groups})
-                self._saved_moments = {}
+        self.optimizer = self.optimizer or self._new_optimizer()
         for (name, parameter), group in zip(
             self.params.items(), self.optimizer.param_groups, strict=True
         ):
             parameter.grad, group["lr"] = None, rates[name]
+
+    def _new_optimizer(self) -> Optimizer:
+        return adam([{"params": [parameter]} for parameter in self.params.values()])
 
     @property
     def optimizers(self) -> dict[str, Any]:
@@ -72,37 +68,28 @@ class ViewDistractors:
         """Remove the rows but for those in `kept`, and add `new` ones, whose moments are 0. By
         numbers, as a mask's number of rows would have to be waited for each time."""
 
-        def changed(old: Tensor, rows: Tensor | None = None) -> Tensor:
-            rows = old.new_zeros(len(new["means"]), *old.shape[1:]) if rows is None else rows
-            return torch.cat([old[kept], rows])
+        def with_new(name: str, old: Tensor) -> Tensor:
+            return nn.Parameter(torch.cat([old[kept], new[name]]))
 
-        optimizers = self.optimizers
-        for name, old in self.params.items():
-            self.params[name] = parameter = nn.Parameter(changed(old.data, new[name]))
-            optimizer = optimizers.get(name)
-            if optimizer is None:
-                continue
-            moments = optimizer.state.pop(old, {})
-            if moments:
-                optimizer.state[parameter] = {
-                    key: value if key == "step" else changed(value)
-                    for key, value in moments.items()
-                }
-            optimizer.param_groups[0]["params"] = [parameter]
+        def with_zeros(_: str, old: Tensor) -> Tensor:
+            return torch.cat([old[kept], old.new_zeros(len(new["means"]), *old.shape[1:])])
+
+        self.optimizer = self.optimizer or self._new_optimizer()
+        replace_rows(with_new, with_zeros, self.params, self.optimizers)
         for key, value in self.state.items():
             if isinstance(value, Tensor):
-                self.state[key] = changed(value)
+                self.state[key] = with_zeros(key, value)
 
     def saved(self) -> dict[str, Any]:
         """What a checkpoint holds."""
         moments = {
-            name: dict(optimizer.state[self.params[name]])
+            name: dict(moments)
             for name, optimizer in self.optimizers.items()
-            if self.params[name] in optimizer.state
+            if (moments := optimizer.state.get(self.params[name]))
         }
         return {
             "params": {name: value.detach() for name, value in self.params.items()},
-            "moments": self._saved_moments | moments,
+            "moments": moments,
             "state": dict(self.state),
             "refinement": self.refinement,
         }
@@ -112,11 +99,10 @@ class ViewDistractors:
         for name, parameter in self.params.items():
             parameter.data = saved["params"][name].to(device, copy=True)
             parameter.grad = None
-        self.optimizer = None
-        self._saved_moments = {  # copies: Adam writes into them
-            name: {key: value.clone() for key, value in moments.items()}
-            for name, moments in saved["moments"].items()
-        }
+        self.optimizer = self._new_optimizer() if saved["moments"] else None
+        for name, moments in saved["moments"].items():  # copied: Adam writes into them
+            copies = {key: value.to(device, copy=True) for key, value in moments.items()}
+            self.optimizers[name].state[self.params[name]] = copies
         self.state, self.refinement = state_to_device(saved["state"], device), saved["refinement"]
 
 
