@@ -7,9 +7,8 @@ from typing import Any
 
 import pytest
 
-from desplat_ns.tools.studies import train_and_score as module
-from desplat_ns.tools.studies.runs import QUIET
-from desplat_ns.tools.studies.train_and_score import train_and_score
+from desplat_ns.tools.studies import runs as module
+from desplat_ns.tools.studies.runs import QUIET, train_and_score
 from desplat_ns.training.datamanager import DeSplatDataManager
 from desplat_ns.training.trainer import DeSplatTrainer
 from lab.synthetic import Scene
