@@ -73,11 +73,6 @@ class SplatCloud:
         return float(np.quantile(np.sort(self.scales, axis=1)[:, 1], 1 - PRECISE))
 
 
-def xyzw(quats: Float[np.ndarray, "N 4"]) -> Float[np.ndarray, "N 4"]:
-    """Quaternions wxyz in the order of SPZ."""
-    return np.roll(quats, -1, axis=1)
-
-
 @torch.no_grad()
 def shown_anywhere(splats: Splats) -> Bool[Tensor, " N"]:
     """Which Gaussians some view may show: finite ones, not too far, wide or faint to be drawn."""

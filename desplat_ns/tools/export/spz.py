@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Bool, Float, UInt8, UInt32
 
 from desplat_ns.core.errors import ConfigError
-from desplat_ns.tools.export.splat_cloud import FAR, OFF_BY, SplatCloud, xyzw
+from desplat_ns.tools.export.splat_cloud import FAR, OFF_BY, SplatCloud
 
 MAGIC, VERSION, ANTIALIASED = 0x5053474E, 3, 0x1
 LARGEST = 2**23 - 1
@@ -51,7 +51,7 @@ def spz_bytes(cloud: SplatCloud) -> bytes:
         _bytes(cloud.opacities * 255),
         _zeroth(cloud),
         _bytes((np.log(cloud.scales) + 10) * 16),
-        _smallest_three(xyzw(cloud.quats)),
+        _smallest_three(np.roll(cloud.quats, -1, axis=1)),  # wxyz as xyzw
         _others(cloud),
     )
     stream = header + b"".join(part.tobytes() for part in attributes)
