@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable
-from contextlib import AbstractContextManager
 from functools import cached_property, partial
 from typing import Any
 
@@ -27,6 +26,7 @@ from desplat_ns.core.schedule import NominalStep, RunStep, Schedule, pause_after
 from desplat_ns.data.images import resize_image
 from desplat_ns.data.point_cloud import distinct
 from desplat_ns.data.training_views import train_index, view_name
+from desplat_ns.distractors.config import rates_at
 from desplat_ns.distractors.distractors import Distractors
 from desplat_ns.distractors.refinement import strategy_info
 from desplat_ns.gaussians.activation import (
@@ -41,7 +41,7 @@ from desplat_ns.layers import layered_outputs, over_background, static_outputs
 from desplat_ns.losses import camera_response_loss, mean_shown_opacity
 from desplat_ns.metrics import LazyLpips, image_metrics
 from desplat_ns.model_config import DeSplatModelConfig
-from desplat_ns.photo_tourism.appearance import fourier_features
+from desplat_ns.photo_tourism.appearance import as_harmonics, fourier_features
 from desplat_ns.photo_tourism.background import BACKGROUND_DEGREE_INTERVAL
 from desplat_ns.photo_tourism.image_effects import FEATURES, ImageEffects
 from desplat_ns.photo_tourism.shown_light import ShownLight
@@ -72,19 +72,13 @@ class DeSplatModel(SplatfactoModel):
     train_step: Step | None = None
     """The step at hand, between nerfstudio's calls; None if there is none, or if it was dropped."""
 
-    def __init__(self, config: DeSplatModelConfig, *args: Any, **kwargs: Any):
-        self._rasterizer: Rasterizer | None = None
-        self._views: dict[int, View] = {}
-        """Of training, in full size, where poses stay: a GPU's cameras would be waited for."""
-        super().__init__(config, *args, **kwargs)
-
     def populate_modules(self) -> None:
         """Static Gaussians at the 3D points, what the effects need, and distractors in front of
         every training camera."""
-        points = self.seed_points
-        if points is not None and not self.config.random_init:
-            rows = torch.from_numpy(distinct(points[0].detach().cpu().numpy()))
-            points = self.seed_points = (points[0][rows], points[1][rows])
+        if self.seed_points is not None and not self.config.random_init:
+            points, colors = self.seed_points
+            rows = torch.from_numpy(distinct(points.detach().cpu().numpy()))
+            self.seed_points = (points[rows], colors[rows])
             if len(rows) < MIN_SEED_POINTS:
                 raise CaptureError(
                     f"The capture has {len(rows)} 3D points at different places; static Gaussians "
@@ -95,6 +89,8 @@ class DeSplatModel(SplatfactoModel):
         self.config = config = self.config.for_run(self.num_train_data)
         self.schedule = Schedule(config.schedule_scale or 1.0)
         self.effects = config.effects.settled()
+        self._views: dict[int, View] = {}
+        """Of training, in full size, where poses stay: a GPU's cameras would be waited for."""
         self.names: list[str] = self.kwargs.get("metadata", {}).get("train_image_names", [])
         with splatfacto_modules_without_torchmetrics(), splatfacto_modules_without_cuda(self):
             super().populate_modules()
@@ -103,19 +99,16 @@ class DeSplatModel(SplatfactoModel):
         pixels = int((cameras.width * cameras.height).sum())
         assert isinstance(self.strategy, DefaultStrategy)
         smaller = config.downscale_factor(0, pixels // num_views) if config.first_megapixels else 1
-        settings = vars(self.strategy) | {
+        settings = {
             "grow_grad2d": config.densify_grad_thresh / math.sqrt(smaller),
             "reset_every": config.reset_every,
             "pause_refine_after_reset": pause_after_reset(num_views, config.reset_every, scale),
             "verbose": False,
+            "most": config.most_gaussians(pixels, self.kwargs.get("device", "cpu")),
+            "long_axis_split": config.long_axis_split,
+            "cull_to_the_end": config.cull_to_the_end,
         }
-        most = config.most_gaussians(pixels, self.kwargs.get("device", "cpu"))
-        self.strategy = StaticStrategy(
-            **settings,
-            most=most,
-            long_axis_split=config.long_axis_split,
-            cull_to_the_end=config.cull_to_the_end,
-        )
+        self.strategy = StaticStrategy(**vars(self.strategy) | settings)
         self.image_effects = ImageEffects(effects, config.appearance, num_views, config.sh_degree)
         if self.image_effects.appearance is not None:
             features = fourier_features(self.means.detach())
@@ -123,7 +116,7 @@ class DeSplatModel(SplatfactoModel):
         self.shown_light = ShownLight(self.names if effects.image_light else [])
         self.distractors = None
         if effects.distractors:
-            seeds = points[0].to(cameras.device) if points and self.has_points else None
+            seeds = self.seed_points[0].to(cameras.device) if self.has_points else None
             self.distractors = Distractors(
                 config.distractors, config, cameras, seeds, effects.background, scale
             )
@@ -131,18 +124,16 @@ class DeSplatModel(SplatfactoModel):
         shown = [view_name(self.names, index) for index in views]
         self.layer_control = LayerControl(shown)
 
-    @property
+    @cached_property
     def rasterizer(self) -> Rasterizer:
         """The backend. Raises BackendUnavailableError in training, if it cannot run here; what was
         trained elsewhere is rendered with what there is."""
-        if self._rasterizer is None:
-            try:
-                self._rasterizer = resolve(self.config.backend, self.device.type)
-            except BackendUnavailableError:
-                if self.training:
-                    raise
-                return resolve("auto", self.device.type)
-        return self._rasterizer
+        try:
+            return resolve(self.config.backend, self.device.type)
+        except BackendUnavailableError:
+            if self.training:
+                raise
+            return resolve("auto", self.device.type)
 
     def get_param_groups(self) -> dict[str, list[nn.Parameter]]:
         """Splatfacto's groups and those of the effects."""
@@ -165,29 +156,43 @@ class DeSplatModel(SplatfactoModel):
         """Render one camera: images [H, W, C] with colours in [0, 1]. They are rgb (in training
         what the loss sees, else the static scene), depth (world units; not in training),
         accumulation, background; with distractors also rgb_static, rgb_composite, rgb_distractor
-        (weighted by its alpha), alpha_distractor and distractor_mask (bool)."""
+        (weighted by its alpha), alpha_distractor and distractor_mask (bool). In training this
+        begins the `Step`."""
         index = train_index(camera)
-        if self.training:
-            assert index is not None, "a camera to train on says which training view it is"
-            return self._training_outputs(camera, index)
         view = self.view_of_camera(camera, index)
-        index = self.layer_control.train_idx() if index is None else index
+        if index is None and not self.training:
+            index = self.layer_control.train_idx()
         embedding = self.embedding_of(index)
         static = self.render_static(view, embedding)
+        if self.training:
+            assert index is not None, "a camera to train on says which training view it is"
+            distractors = self._begin_step(index, view, static).distractors
+        else:
+            distractors = self.draw_distractors(index, view)
         background = self.background_of(view, embedding)
         image = self.image_of(static, background, view, embedding)
-        outputs = static_outputs(static, image, self._photographed(background, view, embedding))
+        if not self.training:
+            background = self._photographed(background, view, embedding)
+        outputs = static_outputs(static, image, background)
         if self.distractors is not None:
-            rasterize = self._rasterizer_of(view)
-            drawn = None if index is None else self.distractors.draw(index, rasterize)
             outputs["rgb_static"] = outputs["rgb"]
-            outputs |= layered_outputs(image, outputs["rgb"], drawn)
-        return self.layer_control.chosen(outputs)
+            # The composite's loss moves distractors only: what lies beneath them is a constant.
+            alone = self.distractors.config.static_alone and distractors is not None
+            beneath = image.detach() if alone else image
+            outputs |= layered_outputs(beneath, outputs["rgb"], distractors)
+        if not self.training:
+            return self.layer_control.chosen(outputs)
+        if self.distractors is not None:
+            outputs["rgb"] = outputs["rgb_composite"]
+        if self.config.use_bilateral_grid and index is not None:
+            for name in outputs.keys() & {"rgb", "rgb_static"}:
+                size = view.height, view.width
+                toned = self._apply_bilateral_grid(outputs[name][None], index, *size)
+                outputs[name] = toned[0]
+        return outputs
 
-    def _training_outputs(self, camera: Cameras, index: int) -> dict[str, Tensor]:
-        """As `get_outputs`; begins the `Step`."""
-        view, embedding = self.view_of_camera(camera, index), self.embedding_of(index)
-        static = self.render_static(view, embedding)
+    def _begin_step(self, index: int, view: View, static: Rendering) -> Step:
+        """The step that draws a training view, with its distractors."""
         self.strategy.step_pre_backward(
             self.gauss_params,
             self.optimizers,
@@ -196,33 +201,21 @@ class DeSplatModel(SplatfactoModel):
             strategy_info(static, view),
         )
         step = Step(self.nominal_step, RunStep(self.step), index, view, static)
+        if self.distractors is not None and step.nominal >= self.distractors.config.warmup:
+            self.distractors.views[index].begin_step(rates_at(step.nominal))
+            # Poses are the static scene's to learn.
+            step.distractors = self.draw_distractors(index, detached(view))
+            if step.distractors is not None:
+                step.distractors.means2d.retain_grad()  # densification reads it
         self.train_step = step
-        if self.distractors is not None:
-            rasterize = self._rasterizer_of(detached(view))  # poses are the static scene's to learn
-            step.distractors = self.distractors.draw_for_training(step.nominal, index, rasterize)
-        background = self.background_of(view, embedding)
-        image = self.image_of(static, background, view, embedding)
-        outputs = static_outputs(static, image, background)
-        if self.distractors is not None:
-            outputs["rgb_static"] = outputs["rgb"]
-            # The composite's loss moves distractors only: what lies beneath them is a constant.
-            alone = self.distractors.config.static_alone and step.distractors is not None
-            beneath = image.detach() if alone else image
-            outputs |= layered_outputs(beneath, outputs["rgb"], step.distractors)
-            outputs["rgb"] = outputs["rgb_composite"]
-        if self.config.use_bilateral_grid:
-            for name in outputs.keys() & {"rgb", "rgb_static"}:
-                size = view.height, view.width
-                toned = self._apply_bilateral_grid(outputs[name][None], index, *size)
-                outputs[name] = toned[0]
-        return outputs
+        return step
 
     def get_loss_dict(
         self, outputs: dict[str, Any], batch: dict[str, Any], metrics_dict: Any = None
     ) -> dict[str, Tensor]:
         """The terms of the loss; outside of training those of the static scene."""
         if not self.training:
-            photo = self.photo_of(outputs, batch)
+            photo = self.photo_of(outputs["background"], batch["image"])
             mask = self.mask_of(batch, photo.device)
             return {"main_loss": main_loss(outputs["rgb"], photo, mask, self.config)}
         step = self.train_step
@@ -239,7 +232,7 @@ class DeSplatModel(SplatfactoModel):
         looks = own is not None and own.looks(step)
         if looks or self.effects.background != "off" or batch["image"].shape[2] == 4:
             behind = self._photographed(behind, step.view, self.embedding_of(step.index))
-        step.behind, step.photo = behind, self.photo_of({"background": behind}, batch)
+        step.behind, step.photo = behind, self.photo_of(behind, batch["image"])
         step.mask = self.mask_of(batch, step.photo.device)
         if own is not None:
             step.static_rgb = outputs["rgb_static"]
@@ -272,11 +265,10 @@ class DeSplatModel(SplatfactoModel):
         """What a photo shows behind everything, in [0, 1]."""
         return self.image_effects.apply_camera_response(background, view, embedding).clamp(0, 1)
 
-    def photo_of(self, outputs: dict[str, Any], batch: dict[str, Any]) -> Tensor:
-        """The photo [H, W, 3] at the step's size; what is transparent shows the background."""
-        return self.composite_with_background(
-            self.get_gt_img(batch["image"]), outputs["background"]
-        )
+    def photo_of(self, background: Tensor, image: Tensor) -> Tensor:
+        """The photo [H, W, 3] of an image at the step's size; where it is transparent it shows the
+        background."""
+        return self.composite_with_background(self.get_gt_img(image), background)
 
     def get_gt_img(self, image: Tensor) -> Tensor:
         """A photo [H, W, C] in [0, 1] at the step's size; on a CPU 8 bit ones are reduced as such,
@@ -392,10 +384,15 @@ class DeSplatModel(SplatfactoModel):
         splats = self.in_light(self.params_in(view), view)(embedding)
         return self.rasterizer(splats, view, self.render_settings(depth))
 
-    def _rasterizer_of(self, view: View) -> Callable[[Splats], Rendering]:
-        """Draws distractors into a view."""
+    def draw_distractors(self, index: int | None, view: View) -> Rendering | None:
+        """Those of a training view; None where it has none."""
+        if self.distractors is None or index is None:
+            return None
+        own = self.distractors.views[index]
+        if len(own) == 0:
+            return None
         settings = self.render_settings(depth=False)
-        return lambda splats: self.rasterizer(splats, view, settings)
+        return self.rasterizer(activate_distractors(own.params), view, settings)
 
     def params_in(self, view: View) -> RawParameters:
         """All in training; else those in the crop box that do not stand before the camera."""
@@ -434,10 +431,6 @@ class DeSplatModel(SplatfactoModel):
         if self.training and index is not None:
             return self.image_effects.of(index)
         return self.shown_light.embedding(self.image_effects, index)
-
-    def shown_in(self, embedding: Tensor) -> AbstractContextManager[None]:
-        """Within, every image that is drawn outside of training has this embedding [E]."""
-        return self.shown_light.fixed(embedding)
 
     def background_of(self, view: View, embedding: Tensor) -> Tensor:
         """Colours [3], or [H, W, 3] where they differ or nerfstudio's commands expect them."""
@@ -482,7 +475,7 @@ class DeSplatModel(SplatfactoModel):
         self, outputs: dict[str, Tensor], batch: dict[str, Any]
     ) -> tuple[dict[str, float], dict[str, Tensor]]:
         """Figures of one evaluation image, and the photo beside the rendering."""
-        photo = self.photo_of(outputs, batch)
+        photo = self.photo_of(outputs["background"], batch["image"])
         figures = image_metrics(outputs["rgb"], photo, self.lpips)
         if self.config.color_corrected_metrics:
             corrected = image_metrics(color_correct(outputs["rgb"], photo), photo, self.lpips)
@@ -504,18 +497,17 @@ class DeSplatModel(SplatfactoModel):
     @property
     def shs_0(self) -> Tensor:
         """Zeroth SH coefficients [N, 3] that `ns-export` writes, in the light that is shown."""
-        return self.shown_splats().colors[:, 0] if FEATURES in self.gauss_params else super().shs_0
+        return as_harmonics(self.shown_splats()).colors[:, 0]
 
     @property
     def shs_rest(self) -> Tensor:
         """The other SH coefficients [N, K - 1, 3] that `ns-export` writes."""
-        baked = FEATURES in self.gauss_params
-        return self.shown_splats().colors[:, 1:] if baked else super().shs_rest
+        return as_harmonics(self.shown_splats()).colors[:, 1:]
 
     @property
     def colors(self) -> Tensor:
         """Colours [N, 3] without view dependence, about [0, 1]."""
-        return SH2RGB(self.shs_0) if FEATURES in self.gauss_params else super().colors
+        return SH2RGB(self.shs_0)
 
     # --- checkpoints -------------------------------------------------------------------------
 

@@ -153,7 +153,7 @@ def operations(job: Job) -> Figures:
         for method in METHODS:
             trainer = trainer_of(job, method, capture)
             if method != "splatfacto":
-                trainer.pipeline.model._rasterizer = GsplatRasterizer()
+                trainer.pipeline.model.rasterizer = GsplatRasterizer()
             for i in range(20):  # moments are made, and each photo is looked at
                 take_step(trainer, LATE + i)
             places = operations_of(partial(take_step, trainer, LATE + 20))

@@ -30,7 +30,7 @@ def a_step(on_cuda: bool, what: str) -> Callable[[], None]:
     own = DistractorConfig(20, start=start, static_alone=True, leak=0.03, static_warmup=0)
     model = make_model(distractors=own, opacity_prior=0.2)
     if on_cuda:
-        model._rasterizer = gsplat_cuda.GsplatRasterizer()
+        model.rasterizer = gsplat_cuda.GsplatRasterizer()
     model.distractors.looks = lambda step: False
     model.distractors.sweep.photos[0] = None  # was kept at the first visit
     model.distractors.sweep.unexplained = lambda index, device: torch.rand(HEIGHT, WIDTH)

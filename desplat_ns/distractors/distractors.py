@@ -1,5 +1,5 @@
-"""The distractors of all training views, and what a training step does with them: draw, look, and,
-if it was finite, remember and commit."""
+"""The distractors of all training views, and what a training step does with them: look, and, if it
+was finite, remember and commit."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -11,23 +11,16 @@ from nerfstudio.cameras.cameras import Cameras
 from nerfstudio.models.splatfacto import SplatfactoModelConfig
 from torch import Tensor, nn
 
-from desplat_ns.backend.protocol import Rendering, Splats
 from desplat_ns.cameras.views import views_of
 from desplat_ns.core.console import announce_once
 from desplat_ns.core.devices import state_to_device
 from desplat_ns.core.effects import BackgroundGrade
 from desplat_ns.core.options import check_ranges
-from desplat_ns.core.schedule import NominalStep
-from desplat_ns.distractors.config import DistractorConfig, rates_at
+from desplat_ns.distractors.config import DistractorConfig
 from desplat_ns.distractors.placement import FEW_VIEWS, LEAST_VIEWS, about_few_views, placement
 from desplat_ns.distractors.refinement import DistractorDensifier, strategy_info
 from desplat_ns.distractors.sets import ViewDistractors, fill_view
-from desplat_ns.gaussians.activation import (
-    RawParameters,
-    activate_distractors,
-    keep_colors_in_range,
-    sigmoid,
-)
+from desplat_ns.gaussians.activation import RawParameters, keep_colors_in_range, sigmoid
 from desplat_ns.separation.decide import StaticView, Thresholds, compare, decide, own_sky
 from desplat_ns.separation.grid import grid_of, pooled, region_pixels
 from desplat_ns.separation.residuals import RESIDUAL_MEDIANS, medians_in
@@ -95,23 +88,6 @@ class Distractors(nn.Module):
     def counts(self) -> list[int]:
         """Number of Gaussians of every training view, counted anew."""
         return [len(view) for view in self.views]
-
-    def draw(self, index: int, rasterize: Callable[[Splats], Rendering]) -> Rendering | None:
-        """Render the distractors of training view `index`; None if it has none."""
-        view = self.views[index]
-        return rasterize(activate_distractors(view.params)) if len(view) > 0 else None
-
-    def draw_for_training(
-        self, step: NominalStep, index: int, rasterize: Callable[[Splats], Rendering]
-    ) -> Rendering | None:
-        """As `draw`, with the gradients that densification reads; None in the warm-up."""
-        if step < self.config.warmup:
-            return None
-        self.views[index].begin_step(rates_at(step))
-        rendering = self.draw(index, rasterize)
-        if rendering is not None:
-            rendering.means2d.retain_grad()
-        return rendering
 
     def look(self, step: Step, opacities: Float[Tensor, "N 1"], state: Mapping[str, Any]) -> None:
         """Apply the user's mask to the photo of a step, and find its regions, if that is due.
@@ -185,6 +161,7 @@ class Distractors(nn.Module):
         if step.sweep_photo is not None:
             self.sweep.keep(step.index, step.sweep_photo)
 
+    @torch.no_grad()
     def commit(
         self, step: Step, weights_of: Callable[[RawParameters], Float[Tensor, " M"]]
     ) -> None:
@@ -199,17 +176,11 @@ class Distractors(nn.Module):
         if step.regions is not None and step.residual_medians is not None:
             self.regions[index] = step.regions
             if step.nominal < STOP_PLACING_AT:
-                self._place(step, step.regions, distractors)
-
-    @torch.no_grad()
-    def _place(self, step: Step, regions: Tensor, distractors: ViewDistractors) -> None:
-        """Give the view new distractors where they belong, and remove those out of place."""
-        means = distractors.params["means"]
-        drawn, photo = step.distractors, step.photo
-        alpha_d = torch.zeros_like(photo[..., :1]) if drawn is None else drawn.alpha.detach()
-        changed = placement(step.view, photo, alpha_d, regions, means, self.config)
-        if changed is not None:
-            distractors.exchange(*changed)
+                means, drawn, photo = distractors.params["means"], step.distractors, step.photo
+                alpha_d = torch.zeros_like(photo[..., :1]) if drawn is None else drawn.alpha
+                changed = placement(view, photo, alpha_d, step.regions, means, self.config)
+                if changed is not None:
+                    distractors.exchange(*changed)
 
     def _apply(self, fn: Callable[[Tensor], Tensor], *args: Any, **options: Any) -> Any:
         """torch's hook of `to`: parameters move in place."""

@@ -13,7 +13,7 @@ from typing import Any, Literal
 
 import torch
 from nerfstudio.cameras.cameras import Cameras
-from torch import Tensor, nn
+from torch import Tensor
 
 import desplat_ns
 from desplat_ns.cameras.views import is_distorted
@@ -21,7 +21,6 @@ from desplat_ns.core.console import progress_over
 from desplat_ns.core.errors import CaptureError, ConfigError, DeSplatError
 from desplat_ns.core.options import check_ranges
 from desplat_ns.data.images import read_gt_mask
-from desplat_ns.distractors.distractors import Distractors
 from desplat_ns.evaluation.config import EvaluationConfig
 from desplat_ns.evaluation.halves import embedding_from_left_half, right_half
 from desplat_ns.metrics import mask_iou, mean_alpha_outside
@@ -78,26 +77,27 @@ class Scorer:
     def score(self, camera: Cameras, batch: dict[str, Any]) -> tuple[dict[str, float], Tensor]:
         """Figures and seconds of one image, figures in the average light as `*_before` if it has
         its own; and what `Show` gets."""
-        model, start = self.model, self._now()
+        model, image, start = self.model, batch["image"], self._now()
         outputs = model.get_outputs_for_camera(camera)
         render_seconds = self._now() - start
         figures = self._figures(outputs, batch)
         if self.fit is not None:
             before = {f"{key}_before": value for key, value in figures.items()}
             start = self._now()
-            photo, mask = model.photo_of(outputs, batch), batch.get("mask")
-            if batch["image"].shape[2] == 4:  # what is transparent does not count
-                opaque = batch["image"][..., 3:] > 0
+            photo, mask = model.photo_of(outputs["background"], image), batch.get("mask")
+            if image.shape[2] == 4:  # what is transparent does not count
+                opaque = image[..., 3:] > 0
                 mask = opaque if mask is None else opaque & (mask.to(opaque.device) != 0)
             embedding = embedding_from_left_half(model, camera, photo, self.fit, mask)
             before["embedding_seconds"] = self._now() - start
             start = self._now()
-            with model.shown_in(embedding):
+            with model.shown_light.fixed(embedding):
                 outputs = model.get_outputs_for_camera(camera)
             figures = self._figures(outputs, batch) | before
         figures["seconds_per_image_render"] = render_seconds
         figures["seconds_per_image_with_metrics"] = self._now() - start
-        return figures, torch.cat([model.photo_of(outputs, batch), outputs["rgb"]], dim=1)
+        photo = model.photo_of(outputs["background"], image)
+        return figures, torch.cat([photo, outputs["rgb"]], dim=1)
 
     def _now(self) -> float:
         """Seconds; what the GPU was given is done."""
@@ -118,7 +118,7 @@ def evaluate_in_training(
     """Means over whole images in the average light, times and counts: numbers alone, as event
     writers need them. Raises CaptureError where there is no image."""
     scored = _score(Scorer(model), images, names, show)
-    return summarize(scored, False) | gaussian_counts(model.gauss_params, model.distractors)
+    return summarize(scored, False) | gaussian_counts(model)
 
 
 def evaluate(
@@ -144,8 +144,7 @@ def evaluate(
                 "has diverged. Evaluate an earlier checkpoint by setting `load_step` in the run's "
                 "config.yml, or train with lower learning rates."
             )
-    results: dict[str, Any] = {**summarize(scored, True)}
-    results |= gaussian_counts(model.gauss_params, model.distractors)
+    results: dict[str, Any] = {**summarize(scored, True), **gaussian_counts(model)}
     if model.distractors is not None:
         results |= score_masks(model.get_outputs_for_camera, masks)
     results["backend"], results["device"] = model.rasterizer.name, str(model.device)
@@ -196,11 +195,9 @@ def summarize(images: Sequence[dict[str, Any]], with_std: bool) -> dict[str, int
     return result
 
 
-def gaussian_counts(
-    static: nn.ParameterDict, distractors: Distractors | None
-) -> dict[str, int | float]:
+def gaussian_counts(model: DeSplatModel) -> dict[str, int | float]:
     """How many static and distractor Gaussians there are, and the MB (10^6 bytes) they take."""
-    views = [] if distractors is None else distractors.views
+    static, views = model.gauss_params, [] if model.distractors is None else model.distractors.views
 
     def mb(parameters: Iterable[Tensor]) -> float:
         return sum(p.numel() * p.element_size() for p in parameters) / 1e6

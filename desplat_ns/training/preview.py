@@ -59,15 +59,9 @@ class Preview:
         self._write(steps, is_over=True)
 
     def _draw(self, steps: int) -> None:
-        state, was_training = resume.rng_state(), self.pipeline.training
-        self.pipeline.eval()
-        try:
-            # what cannot be drawn is no reason to end the training
-            with suppress(Exception), self.pipeline.static_scene():
-                self._shown = self._drawn(steps)
-        finally:
-            self.pipeline.train(was_training)
-            resume.restore_rng(state)
+        # what cannot be drawn is no reason to end the training
+        with resume.rng_kept(), suppress(Exception), self.pipeline.static_scene():
+            self._shown = self._drawn(steps)
 
     def _write(self, step: int, is_over: bool = False) -> None:
         left, total = self.trainer.seconds_left, max(step, self.trainer.total)
@@ -84,10 +78,10 @@ class Preview:
             number = len(held_out) // 2
             camera, batch = manager.fixed_indices_eval_dataloader[number]
             outputs = model.get_outputs_for_camera(camera)
-            photo = model.photo_of(outputs, batch)
+            photo = model.photo_of(outputs["background"], batch["image"])
             if model.effects.image_light:
                 fit = self.pipeline.config.evaluation
-                with model.shown_in(embedding_from_left_half(model, camera, photo, fit)):
+                with model.shown_light.fixed(embedding_from_left_half(model, camera, photo, fit)):
                     outputs = model.get_outputs_for_camera(camera)
             self.curve.append((step, psnr(right_half(outputs["rgb"]), right_half(photo))))
             name = f"{held_out.image_filenames[number].name}, held out: not trained on"
@@ -97,7 +91,7 @@ class Preview:
             number = max(range(len(counts)), key=lambda index: counts[index])
             _, camera, batch = next(manager.training_images([number]))
             outputs = model.get_outputs_for_camera(camera.to(model.device))
-            photo = model.photo_of(outputs, {"image": batch["image"].to(model.device)})
+            photo = model.photo_of(outputs["background"], batch["image"])
             pictures = [("photo", photo), ("scene", outputs["rgb_static"])]
             pictures += [("in the way", outputs["distractor_mask"].float())]
             shown.append((f"{manager.train_image_names[number]}, with most in the way", pictures))

@@ -55,7 +55,7 @@ class TrustedPixelsModel(DeSplatModel):
         """Splatfacto's, its photometric part on the trusted pixels only."""
         losses = super().get_loss_dict(outputs, batch, metrics_dict)
         if self.training:
-            photo = self.photo_of(outputs, batch)
+            photo = self.photo_of(outputs["background"], batch["image"])
             owned = self._truth(photo) if self.config.by_truth else _trimmed(outputs["rgb"], photo)
             losses["main_loss"], *_ = photometric_losses(
                 photo, owned.to(photo.dtype), self.config.ssim_lambda, outputs["rgb"]

@@ -170,7 +170,7 @@ def shown_in(model: DeSplatModel, light: str | None) -> Any:
         raise ConfigError(
             f"--light is '{light}', but this run has the same light in every photo. Leave it out."
         )
-    return model.shown_in(light_of(light, model.names, effects, "--light"))
+    return model.shown_light.fixed(light_of(light, model.names, effects, "--light"))
 
 
 def reach_of(view: View, rasterize: Callable[[View], Rendering]) -> float | None:

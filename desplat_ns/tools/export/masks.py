@@ -145,12 +145,9 @@ def _slopes(camera: Cameras) -> Float[np.ndarray, "H W 2"]:
 @torch.no_grad()
 def distractor_mask(model: DeSplatModel, index: int, camera: Cameras) -> Bool[np.ndarray, "H W"]:
     """Where the distractors of a training view cover its photo, which a camera [1] took, above the
-    threshold of all masks (App. C.1). For models with distractors."""
-    assert model.distractors is not None
+    threshold of all masks (App. C.1)."""
     pinhole, to_photo = pinhole_of(camera)
-    view = model.view_of_camera(pinhole.to(model.device), index)
-    settings = model.render_settings(depth=False)
-    drawn = model.distractors.draw(index, lambda splats: model.rasterizer(splats, view, settings))
+    drawn = model.draw_distractors(index, model.view_of_camera(pinhole.to(model.device), index))
     if drawn is None:
         return np.zeros((int(camera.height), int(camera.width)), bool)
     return to_photo(drawn.alpha[..., 0].cpu().numpy()) > MASK_THRESHOLD

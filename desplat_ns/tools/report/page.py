@@ -86,7 +86,7 @@ def shown_of(run: LoadedRun, most_training: int, most_held_out: int) -> dict[str
         "verdict": [*said],
         "found": found_in_words(masks),
         "num_photos": num_photos,
-        "counts": gaussian_counts(model.gauss_params, model.distractors),
+        "counts": gaussian_counts(model),
         "training": photos,
         "held_out": held_out,
         "results": results,  # empty where none are held out

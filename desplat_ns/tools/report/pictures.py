@@ -52,15 +52,12 @@ class ShownPhoto:
 def training_photos(pipeline: DeSplatPipeline, chosen: Sequence[int]) -> Iterator[ShownPhoto]:
     """Training photos taken apart. Raises CaptureError of a photo that cannot be read any more."""
     model, manager = pipeline.model, pipeline.datamanager
-    with (
-        model.layer_control.suspended(),
-        model.shown_light.suspended(),
-        progress_over(len(chosen), "Rendering training photos...") as advance,
-    ):
+    telling = progress_over(len(chosen), "Rendering training photos...")
+    with pipeline.static_scene(), telling as advance:
         for index, camera, batch in manager.training_images(chosen):
             camera = camera.to(pipeline.device)
             outputs = model.get_outputs_for_camera(camera)
-            photo = model.photo_of(outputs, {"image": batch["image"].to(pipeline.device)})
+            photo = model.photo_of(outputs["background"], batch["image"])
             name, covered, anyway, unlike = manager.train_image_names[index], None, 0.0, None
             static = outputs.get("rgb_static", outputs["rgb"])
             pictures = {"photo": picture_of(photo, CARD), "rendering": picture_of(static, CARD)}

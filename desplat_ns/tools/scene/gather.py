@@ -174,7 +174,7 @@ def _page_camera(
     """One photo's. `index`: which training view it is; None for a held-out one."""
     view = model.view_of_camera(camera.to(model.device), index)
     background = model.background_of(view, model.embedding_of(None))
-    shown = model.photo_of({"background": background}, {"image": photo.to(model.device)})
+    shown = model.photo_of(background, photo)
     start = 0.0 if model.points is None else scene_start(model.points, view)
     splats, settings = model.shown_splats(), model.render_settings(depth=True)
     reach = reach_of(view, lambda small: model.rasterizer(splats, small, settings))
@@ -243,7 +243,7 @@ def other_lights(model: DeSplatModel, rows: Tensor, view: View) -> list[Light]:
     for photo in even_subset(len(model.names), MORE_LIGHTS):
         embedding = effects.of(photo)
         background = mean_background(model, view, embedding)
-        with model.shown_in(embedding):
+        with model.shown_light.fixed(embedding):
             harmonics = harmonics_of(model.shown_splats(rows))
         lights.append(Light(text_of(model.names[photo]), background, harmonics))
     return lights

@@ -79,7 +79,7 @@ def test_each_light_has_the_colours_that_are_baked_for_its_photo(appearance: str
     assert len(lights) == len({light.name for light in lights}) == 3
     for light in lights:
         photo = [text_of(name) for name in model.names].index(light.name)
-        with model.shown_in(model.image_effects.of(photo)):
+        with model.shown_light.fixed(model.image_effects.of(photo)):
             whole = baked(model.shown_splats().rows(rows), antialiased=False)
         assert np.allclose(light.harmonics, whole.harmonics, atol=1e-5)
 
