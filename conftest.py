@@ -5,6 +5,7 @@ is in place, and what is imported before the hook goes unchecked.
 """
 
 import os
+import shutil
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -128,6 +129,23 @@ def tiny_scene(tmp_path_factory: pytest.TempPathFactory) -> "Scene":
     from lab.synthetic import SceneSpec, write_scene
 
     return write_scene(SceneSpec.tiny(), tmp_path_factory.mktemp("tiny_scene"))
+
+
+@pytest.fixture
+def tiny_copy(tiny_scene: "Scene", tmp_path: Path) -> Path:
+    """The tiny scene (6 clean, 6 clutter, 2 extra) in a folder that may be changed."""
+    assert tiny_scene.folder is not None
+    return Path(shutil.copytree(tiny_scene.folder, tmp_path / "scene"))
+
+
+@pytest.fixture(scope="session")
+def eight_views(tmp_path_factory: pytest.TempPathFactory) -> "Scene":
+    """A generated capture for runs with every setting as registered; shared: do not write into
+    it."""
+    from lab.synthetic import write_scene
+    from tests.helpers.registered import EIGHT_VIEWS
+
+    return write_scene(EIGHT_VIEWS, tmp_path_factory.mktemp("eight_views"))
 
 
 @pytest.fixture(scope="session")

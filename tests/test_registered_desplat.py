@@ -14,8 +14,8 @@ import torch
 from desplat_ns.backend.numba_kernels.runtime import numba_config
 from desplat_ns.core.checkpoint import checkpoint_path
 from lab.bench.timing import threads
-from lab.synthetic import Scene, write_scene
-from tests.helpers.registered import EIGHT_VIEWS, STEPS, last_state, registered_desplat, set_up
+from lab.synthetic import Scene
+from tests.helpers.registered import STEPS, last_state, registered_desplat, set_up
 from tests.helpers.stub_run import assert_same
 
 pytestmark = pytest.mark.slow
@@ -58,15 +58,10 @@ class Run:
 
 
 @pytest.fixture(scope="module")
-def scene(tmp_path_factory: pytest.TempPathFactory) -> Scene:
-    return write_scene(EIGHT_VIEWS, tmp_path_factory.mktemp("eight_views"))
-
-
-@pytest.fixture(scope="module")
-def straight(scene: Scene, tmp_path_factory: pytest.TempPathFactory) -> Run:
+def straight(eight_views: Scene, tmp_path_factory: pytest.TempPathFactory) -> Run:
     """All steps in one go on one thread; its checkpoints stay."""
     folder, kept = tmp_path_factory.mktemp("straight"), {"save_only_latest_checkpoint": False}
-    config = registered_desplat(scene, folder, steps_per_save=SAVED, **kept)
+    config = registered_desplat(eight_views, folder, steps_per_save=SAVED, **kept)
     with threads(1):
         run = Run(set_up(config), config)
         run.train()
@@ -88,12 +83,12 @@ def test_both_sets_grow_when_it_is_their_time(straight: Run):
     assert all(straight.trainer.pipeline.model.distractors.counts()[JUDGED])
 
 
-def test_distractors_cover_what_stands_in_the_way_and_little_else(straight: Run, scene: Scene):
+def test_distractors_cover_what_stands_in_the_way_and_little_else(straight: Run, eight_views):
     """Of every photo, after fifteen visits: the mean opacity on occluders and beside them. How it
     is in single photos of so short a run, the last bit of a rounding decides."""
     model, manager = straight.trainer.pipeline.model.eval(), straight.trainer.pipeline.datamanager
     on, beside = [], []
-    for index, frame in enumerate(scene.clutter):
+    for index, frame in enumerate(eight_views.clutter):
         assert manager.train_image_names[index] == f"{frame.name}.png"
         camera = manager.train_dataset.cameras[index : index + 1]
         alpha = model.get_outputs_for_camera(camera)["alpha_distractor"][..., 0]
@@ -107,10 +102,10 @@ def test_distractors_cover_what_stands_in_the_way_and_little_else(straight: Run,
 
 
 def test_a_run_resumed_on_two_threads_equals_one_in_one_go_on_one_to_the_last_bit(
-    straight: Run, scene: Scene, tmp_path: Path
+    straight: Run, eight_views: Scene, tmp_path: Path
 ):
     """Gaussians, moments, what refinement and placing remember, generators, order of the views."""
-    resumed = registered_desplat(scene, tmp_path)
+    resumed = registered_desplat(eight_views, tmp_path)
     resumed.load_checkpoint = checkpoint_path(straight.config.get_checkpoint_dir(), SAVED)
     with threads(min(2, numba_config.NUMBA_NUM_THREADS)):
         trainer = set_up(resumed, seed=99)
