@@ -2,7 +2,6 @@
 
 import copy
 import dataclasses
-import shutil
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -31,12 +30,6 @@ def manager(dataparser: Any, photo_memory: float | None = None) -> DeSplatDataMa
     return config.setup(device="cpu", test_mode="val")
 
 
-@pytest.fixture
-def data(tiny_scene, tmp_path: Path) -> Path:
-    """The tiny scene, 6 views, in a folder that may be changed."""
-    return Path(shutil.copytree(tiny_scene.folder, tmp_path / "scene"))
-
-
 def mask_photos(data: Path) -> Path:
     """Masks of the photos, at random; their folder."""
     for seed, path in enumerate(sorted((data / "images").iterdir())):
@@ -48,12 +41,12 @@ def mask_photos(data: Path) -> Path:
 @pytest.mark.parametrize(
     ("lens", "is_masked"), [(None, False), (BARREL, True), ("OPENCV_FISHEYE 0.1 0 0 0", False)]
 )
-def test_photos_and_cameras_are_those_that_upstream_holds(data: Path, lens, is_masked):
-    parser = DeSplatColmapDataParserConfig(data=data)
+def test_photos_and_cameras_are_those_that_upstream_holds(tiny_copy: Path, lens, is_masked):
+    parser = DeSplatColmapDataParserConfig(data=tiny_copy)
     if is_masked:
-        parser.masks_path = mask_photos(data)
+        parser.masks_path = mask_photos(tiny_copy)
     if lens is not None:
-        distort(data, lens)
+        distort(tiny_copy, lens)
     whole, other = manager(parser), manager(copy.deepcopy(parser), THREE_PHOTOS)
     for step in range(14):
         assert_same_view(whole.next_train(step), other.next_train(step))
@@ -87,13 +80,13 @@ def run_of(tiny_run, output: Path, data: Path, bound: float | None, name: str) -
 
 
 def test_a_photo_that_vanishes_is_named_and_what_is_trained_is_saved(
-    data: Path, tiny_run, tmp_path: Path, monkeypatch
+    tiny_copy: Path, tiny_run, tmp_path: Path, monkeypatch
 ):
     """Put back, the run goes on as if nothing had been, to the bits of one in enough memory."""
-    whole = run_of(tiny_run, tmp_path, data, None, "whole")
+    whole = run_of(tiny_run, tmp_path, tiny_copy, None, "whole")
     set_up(whole).train()
-    config = run_of(tiny_run, tmp_path, data, THREE_PHOTOS, "lost")
-    trainer, images, away = set_up(config), data / "images", data / "away"
+    config = run_of(tiny_run, tmp_path, tiny_copy, THREE_PHOTOS, "lost")
+    trainer, images, away = set_up(config), tiny_copy / "images", tiny_copy / "away"
     iteration = trainer.train_iteration
 
     def loses_photos(step: int) -> Any:
@@ -108,7 +101,7 @@ def test_a_photo_that_vanishes_is_named_and_what_is_trained_is_saved(
     done = trainer._steps_done
     assert 7 <= done <= 11  # three photos are in memory
     assert last_state(config)["step"] == done - 1
-    resumed = run_of(tiny_run, tmp_path, data, THREE_PHOTOS, "resumed")
+    resumed = run_of(tiny_run, tmp_path, tiny_copy, THREE_PHOTOS, "resumed")
     resumed.load_dir = config.get_checkpoint_dir()
     set_up(resumed, seed=99).train()
     assert_same(last_state(whole), last_state(resumed))

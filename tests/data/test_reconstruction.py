@@ -2,7 +2,6 @@
 observe is read from them when it is asked for."""
 
 import copy
-import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -237,15 +236,14 @@ def test_points_that_are_left_out_are_not_observed(tiny_scene):
     assert none.shape == (0,)
 
 
-def test_a_photo_may_observe_nothing_and_a_reconstruction_may_be_gone(tiny_scene, tmp_path: Path):
-    data = Path(shutil.copytree(tiny_scene.folder, tmp_path / "scene"))
-    tracks = tracks_of(data)
+def test_a_photo_may_observe_nothing_and_a_reconstruction_may_be_gone(tiny_copy, tmp_path: Path):
+    tracks = tracks_of(tiny_copy)
 
     def delete(model: pycolmap.Reconstruction) -> None:
         for index in range(model.image(tracks.image_ids[2]).num_points2D()):
             model.delete_observation(tracks.image_ids[2], index)
 
-    binary_with(data, delete)
+    binary_with(tiny_copy, delete)
     assert [len(observed) > 0 for observed in tracks.read([2, 0])] == [False, True]
     with pytest.raises(CaptureError, match="gone"):
         replace(tracks, folder=tmp_path / "gone").read([0])
