@@ -91,13 +91,6 @@ def test_a_run_spends_its_budget_on_the_schedules_that_were_planned(config, cloc
     assert trainer.optimizers.optimizers["means"].param_groups[0]["lr"] < 1.3 * 1.6e-6
 
 
-def test_the_timed_steps_leave_a_model_that_has_learned_nothing(config, clock):
-    trainer = set_up(config)
-    model = trainer.pipeline.model
-    assert torch.equal(model.gauss_params["means"].data.cpu(), model.seed_points[0].cpu())
-    assert clock.now > 2 + 4 * 0.5 and trainer._steps_done == 0
-
-
 def test_photos_are_smaller_where_too_few_steps_of_whole_ones_would_fit(config, clock):
     clock.fixed, clock.pixels = 0.05, 1.0
     trainer = train(config)
@@ -107,7 +100,11 @@ def test_photos_are_smaller_where_too_few_steps_of_whole_ones_would_fit(config, 
 
 
 def test_a_machine_that_gets_slower_brings_the_schedules_to_their_end(config, clock):
+    """After trial steps, which leave a model that has learned nothing."""
     trainer = set_up(config)
+    model = trainer.pipeline.model
+    assert torch.equal(model.gauss_params["means"].data.cpu(), model.seed_points[0].cpu())
+    assert clock.now > 2 + 4 * 0.5 and trainer._steps_done == 0
     clock.fixed *= 3
     trainer.train()
     assert 0.9 * BUDGET <= clock.now <= BUDGET + 1.7  # the last step
