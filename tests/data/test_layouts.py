@@ -1,13 +1,11 @@
 """`desplat-data`: the default of every method, whose choice is kept in config.yml."""
 
 import copy
-import json
 from pathlib import Path
 from typing import Any
 
 import pytest
 import tyro
-import yaml
 from nerfstudio.configs.method_configs import all_methods
 from nerfstudio.scripts import train
 
@@ -15,10 +13,7 @@ from desplat_ns.core.errors import CaptureError
 from desplat_ns.data.colmap import DeSplatColmapDataParserConfig
 from desplat_ns.data.layouts import DeSplatDataParserConfig
 from desplat_ns.data.on_the_go import OnTheGoDataParserConfig
-from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
 from desplat_ns.training.datamanager import AnyDataParser, DeSplatDataManagerConfig, training_split
-from lab.synthetic import write_scene
-from tests.helpers.registered import EIGHT_VIEWS, registered_desplat, set_up
 
 
 @pytest.mark.usefixtures("tyro_may_build")
@@ -28,9 +23,8 @@ def test_our_dataparsers_can_be_named_with_their_options():
 
 
 def test_options_that_are_not_given_are_the_dataparsers_own(capture):
-    assert DeSplatDataParserConfig(data=capture()).recognised() == DeSplatColmapDataParserConfig(
-        data=capture()
-    )
+    own = DeSplatColmapDataParserConfig(data=capture())
+    assert DeSplatDataParserConfig(data=capture()).recognised() == own
     given = DeSplatDataParserConfig(data=capture(), auto_scale_poses=False, eval_interval=5)
     config = given.recognised()
     assert isinstance(config, DeSplatColmapDataParserConfig)
@@ -45,22 +39,6 @@ def test_once_settled_the_choice_stays(capture, capsys):
     assert config.settle_dataparser() is settled
     training_split(config)
     assert capsys.readouterr().out.count("has the layout of") == 1
-
-
-@pytest.mark.slow
-def test_config_yml_names_the_dataparser_that_was_recognised(tmp_path):
-    scene = write_scene(EIGHT_VIEWS, tmp_path / "scene")
-    assert scene.folder is not None
-    config = registered_desplat(scene, tmp_path / "out", max_num_iterations=2)
-    config.pipeline.model.effects.auto = False
-    config.pipeline.datamanager.dataparser = DeSplatDataParserConfig()
-    config.pipeline.datamanager.data = scene.folder
-    set_up(config)
-    (tmp_path / "scene" / "transforms.json").write_text(json.dumps({"frames": []}))
-    saved = yaml.load((config.get_base_dir() / "config.yml").read_text(), Loader=yaml.UnsafeLoader)
-    manager = saved.pipeline.datamanager
-    assert manager.dataparser == RobustNerfDataParserConfig(data=scene.folder)
-    assert manager.settle_dataparser() == RobustNerfDataParserConfig(data=scene.folder)
 
 
 @pytest.mark.parametrize("present", ["nothing", "photos", "a damaged model"])
