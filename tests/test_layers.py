@@ -54,11 +54,6 @@ def outputs_of(static: Rendering) -> dict[str, torch.Tensor]:
     return static_outputs(static, over_blue(static), BLUE)
 
 
-def test_where_nothing_is_depth_is_the_farthest():
-    outputs = outputs_of(layer([1.0, 0, 0], [0.5, 0.0, 1.0], depth=[2.0, 0.0, 7.0]))
-    assert outputs["depth"].flatten().tolist() == [2.0, 7.0, 7.0]
-
-
 def test_the_distractors_and_the_composite_are_outputs_of_their_own():
     static, distractor = layer([0, 1.0, 0], [1.0, 0.5]), layer([1.0, 0, 0], [0.25, 0.75])
     outputs = layered_outputs(over_blue(static), outputs_of(static)["rgb"], distractor)
@@ -69,8 +64,9 @@ def test_the_distractors_and_the_composite_are_outputs_of_their_own():
     assert outputs["distractor_mask"].flatten().tolist() == [False, True]
 
 
-def test_the_static_scene_lies_over_the_background():
-    outputs = outputs_of(layer([2.0, 0, 0], [0.0, 0.25, 1.0]))
+def test_the_static_scene_lies_over_the_background_and_where_nothing_is_depth_is_the_farthest():
+    outputs = outputs_of(layer([2.0, 0, 0], [0.0, 0.25, 1.0], depth=[0.0, 2.0, 7.0]))
     expected = torch.tensor([[[0, 0, 1.0], [0.5, 0, 0.75], [1.0, 0, 0]]])  # cut off at 1
     assert torch.equal(outputs["rgb"], expected)
-    assert "depth" not in outputs
+    assert outputs["depth"].flatten().tolist() == [7.0, 2.0, 7.0]
+    assert "depth" not in outputs_of(layer([2.0, 0, 0], [1.0]))
