@@ -60,12 +60,10 @@ def test_the_loss_is_equation_5():
     model = make_model(distractors=DistractorConfig(per_view=20, lambda_d=0.5, lambda_s=0.25))
     result = Trainer(model).step(0)
     outputs, losses = result["outputs"], result["losses"]
-    assert losses["distractor_opacity"].item() == pytest.approx(
-        0.5 * outputs["alpha_distractor"].double().mean().item(), rel=1e-5
-    )
-    assert losses["static_transparency"].item() == pytest.approx(
-        0.25 * (1 - outputs["accumulation"].double()).mean().item(), rel=1e-5
-    )
+    opacity = outputs["alpha_distractor"].double().mean().item()
+    transparency = 1 - outputs["accumulation"].double().mean().item()
+    assert losses["distractor_opacity"].item() == pytest.approx(0.5 * opacity, rel=1e-5)
+    assert losses["static_transparency"].item() == pytest.approx(0.25 * transparency, rel=1e-5)
 
 
 def test_the_static_opacity_is_reset_and_that_of_distractors_is_not():
