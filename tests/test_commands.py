@@ -14,10 +14,10 @@ from nerfstudio.scripts import train
 from nerfstudio.scripts.eval import ComputePSNR
 from nerfstudio.scripts.render import DatasetRender
 from nerfstudio.utils import writer
-from PIL import Image
 from plyfile import PlyData
 
 from desplat_ns.backend import resolve
+from desplat_ns.data.images import read_image
 
 STEPS = 24
 NUM_TRAIN, NUM_TEST, SIZE = 6, 2, (48, 32)
@@ -30,11 +30,6 @@ def checkpoint(trained: Path) -> dict[str, Any]:
     """What the run saved, read as torch reads untrusted files."""
     (path,) = (trained.parent / "nerfstudio_models").glob("*.ckpt")
     return torch.load(path, map_location="cpu", weights_only=True)
-
-
-def _picture(path: Path) -> np.ndarray:
-    with Image.open(path) as image:
-        return np.asarray(image.convert("RGB"))
 
 
 # --- ns-train -----------------------------------------------------------------------------------
@@ -117,12 +112,12 @@ def test_every_output_of_both_splits_is_rendered(trained: Path, tmp_path: Path):
         folder = tmp_path / split
         assert {path.name for path in folder.iterdir()} == OUTPUTS | {"gt-rgb"}
         for name in OUTPUTS:
-            pictures = [_picture(path) for path in sorted((folder / name).iterdir())]
+            pictures = [read_image(path) for path in sorted((folder / name).iterdir())]
             assert [p.shape for p in pictures] == [(SIZE[1], SIZE[0], 3)] * count
         for path in (folder / "rgb").iterdir():
-            assert (_picture(path) == _picture(folder / "rgb_static" / path.name)).all()
+            assert (read_image(path) == read_image(folder / "rgb_static" / path.name)).all()
     shown = {
-        split: [_picture(path).any() for path in (tmp_path / split / "rgb_distractor").iterdir()]
+        split: [read_image(path).any() for path in (tmp_path / split / "rgb_distractor").iterdir()]
         for split in ("train", "test")
     }
     assert all(shown["train"])
