@@ -7,7 +7,6 @@ to there. tests/test_training_on_a_gpu.py does the whole.
 """
 
 from collections.abc import Iterator
-from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -48,7 +47,6 @@ from desplat_ns.separation.residuals import medians_in
 from desplat_ns.separation.sweep import photo_to_sweep
 
 WIDTH, HEIGHT, N = 60, 40, 50
-CONFIG = DistractorConfig(per_view=100, start="residual", static_alone=True, static_warmup=5)
 WIDTHS = dict(zip(PARAMETER_NAMES, (3, 3, 4, 3, 1), strict=True))
 """Values per distractor."""
 CUDA = torch.device("cuda")
@@ -115,7 +113,7 @@ def distractors_with_moments() -> ViewDistractors:
 @pytest.mark.parametrize("start", ["residual", "everywhere"])
 def test_densification_stays_on_the_gpu_until_it_counts_what_to_clone(start):
     distractors = distractors_with_moments()
-    config = replace(CONFIG, start=start)
+    config = DistractorConfig(per_view=100, start=start, static_alone=True, static_warmup=5)
     densifier = DistractorDensifier(config, SplatfactoModelConfig(warmup_length=0), every=1)
     view, drawn = the_view(), rendering()
     means2d: Any = drawn.means2d
