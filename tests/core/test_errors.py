@@ -18,26 +18,25 @@ def hook(monkeypatch):
     return lambda error: (sys.excepthook(type(error), error, None), others)[1]
 
 
-def test_a_users_mistake_is_told_plainly(hook, capsys):
+def test_a_users_mistake_is_told_plainly_and_any_other_error_goes_where_it_went(hook, capsys):
     assert hook(CaptureError("no photos in 'x'")) == []
     assert capsys.readouterr().err.strip() == "Error: no photos in 'x'"
     assert hook(KeyboardInterrupt()) == []
     assert "Ctrl+C" in capsys.readouterr().err
+    error = ValueError("ours")
+    assert hook(error) == [error]
+    assert capsys.readouterr().err == ""
 
 
-def test_names_forge_no_lines_and_no_colours(hook, capsys):
+def test_names_forge_no_lines_and_no_colours_and_keep_their_brackets(hook, capsys):
     name = "grün\x1b[2J\nError: all is well\r\udcfc\u202e"
     hook(CaptureError(name))
     announce(name)
     shown = capsys.readouterr()
     escaped = r"grün\x1b[2J\nError: all is well\r\udcfc\u202e"
     assert shown.err == f"\nError: {escaped}\n" and shown.out == f"{escaped}\n"
-
-
-def test_any_other_error_goes_where_it_went_before(hook, capsys):
-    error = ValueError("ours")
-    assert hook(error) == [error]
-    assert capsys.readouterr().err == ""
+    announce("/a/[bold]/" + "x" * 200)
+    assert capsys.readouterr().out == "/a/[bold]/" + "x" * 200 + "\n"
 
 
 OLD = """
@@ -53,11 +52,6 @@ def test_of_what_will_change_only_ours_is_said():
     done = subprocess.run([sys.executable, "-c", OLD], capture_output=True, text=True)
     assert "torch" not in done.stderr and "nerfstudio" not in done.stderr
     assert "desplat_ns.model" in done.stderr
-
-
-def test_brackets_in_paths_survive_the_console(capsys: pytest.CaptureFixture[str]):
-    announce("/a/[bold]/" + "x" * 200)
-    assert capsys.readouterr().out == "/a/[bold]/" + "x" * 200 + "\n"
 
 
 def test_a_console_that_cannot_be_written_to_stops_nothing(monkeypatch: pytest.MonkeyPatch):
