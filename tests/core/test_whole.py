@@ -3,8 +3,6 @@
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -62,14 +60,11 @@ def test_what_cannot_be_written_is_named_with_its_option(tmp_path: Path):
         write_whole(path, b"")
 
 
-def test_a_folder_that_fails_half_way_leaves_nothing(tmp_path: Path):
+def test_a_folder_is_put_in_place_with_what_is_inside_and_one_that_fails_is_not(tmp_path: Path):
     with pytest.raises(RuntimeError), whole_folder(tmp_path / "masks") as folder:
         (folder / "a.png").touch()
         raise RuntimeError
     assert list(tmp_path.iterdir()) == []
-
-
-def test_a_folder_is_put_in_place_with_what_is_inside(tmp_path: Path):
     (tmp_path / "masks").mkdir()
     (tmp_path / "masks" / "old.png").touch()
     with whole_folder(tmp_path / "masks") as folder:
@@ -109,24 +104,14 @@ with only_process_in(Path(sys.argv[1])):
 """
 
 
-@contextmanager
-def another_at_work(folder: Path, checkout: Path) -> Iterator[subprocess.Popen[str]]:
-    """Within, another process is at work in a folder."""
-    line = [sys.executable, "-c", HOLDING, str(folder)]
-    pipes: Any = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
-    with subprocess.Popen(line, cwd=checkout, text=True, **pipes) as process:
-        try:
-            assert process.stdout is not None and "waiting\n" in process.stdout, "it ended before"
-            yield process
-        finally:
-            process.kill()
-
-
-def test_a_second_process_is_refused_at_once_with_the_folder_and_the_first(
+def test_a_second_process_is_refused_at_once_with_the_folder_until_the_first_is_killed(
     tmp_path: Path, checkout: Path
 ):
     folder = tmp_path / "out"
-    with another_at_work(folder, checkout):
+    line = [sys.executable, "-c", HOLDING, str(folder)]
+    pipes: Any = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
+    with subprocess.Popen(line, cwd=checkout, text=True, **pipes) as other:
+        assert other.stdout is not None and "waiting\n" in other.stdout, "it ended before"
         begin = time.monotonic()
         for _ in range(2):  # a refusal takes nothing away from the first
             with pytest.raises(ConfigError, match=str(folder)), only_process_in(folder):
@@ -134,13 +119,7 @@ def test_a_second_process_is_refused_at_once_with_the_folder_and_the_first(
         assert time.monotonic() - begin < 5
         with only_process_in(tmp_path / "another"):
             pass
-
-
-@pytest.mark.parametrize("end", ["kill", "terminate"])
-def test_the_lock_is_gone_with_a_process_that_was_ended(tmp_path: Path, checkout: Path, end: str):
-    folder = tmp_path / "out"
-    with another_at_work(folder, checkout) as other:
-        getattr(other, end)()
+        other.kill()
         other.wait()
         with only_process_in(folder):
             pass
