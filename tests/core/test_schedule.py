@@ -24,18 +24,15 @@ def test_visits_make_steps_up_to_the_methods_own_number():
 
 def test_a_run_that_is_cut_short_does_what_is_ahead_in_the_steps_that_are_left():
     """Stopped at 372 of 3,000 steps and gone on with to 600, of 30,000 nominal ones."""
-    assert (
-        Schedule(0.1).nominal(RunStep(372)) == 3_720
-        and Schedule(0.02).nominal(RunStep(372)) == 18_600
-    )
+    assert Schedule(0.1).nominal(RunStep(372)) == 3_720
+    assert Schedule(0.02).nominal(RunStep(372)) == 18_600
     schedule = Schedule(0.02)
     assert schedule.go_on(RunStep(372), 3_720, 600)
     assert [schedule.nominal(RunStep(step)) for step in (372, 486, 600)] == [3_720, 16_860, 30_000]
     again = Schedule(0.02)
     assert again.go_on(RunStep(486), schedule.nominal(RunStep(486)), 600)
-    assert all(
-        again.nominal(RunStep(step)) == schedule.nominal(RunStep(step)) for step in range(486, 600)
-    )
+    for step in map(RunStep, range(486, 600)):
+        assert again.nominal(step) == schedule.nominal(step)
 
 
 @pytest.mark.parametrize(("step", "reached", "total"), [(300, 15_000, 600), (600, 30_000, 3_000)])
