@@ -48,12 +48,10 @@ def assert_same_outputs(data: Path, **options) -> None:
         theirs, other = (parser.get_dataparser_outputs(split) for parser in (upstream, ours))
         assert theirs.image_filenames == other.image_filenames
         for name in CAMERA_FIELDS:
-            torch.testing.assert_close(
-                getattr(other.cameras, name), getattr(theirs.cameras, name), **TOLERANCE
-            )
-        torch.testing.assert_close(
-            other.dataparser_transform, theirs.dataparser_transform, **TOLERANCE
-        )
+            mine, wanted = (getattr(outputs.cameras, name) for outputs in (other, theirs))
+            torch.testing.assert_close(mine, wanted, **TOLERANCE)
+        mine, wanted = other.dataparser_transform, theirs.dataparser_transform
+        torch.testing.assert_close(mine, wanted, **TOLERANCE)
         assert other.dataparser_scale == pytest.approx(theirs.dataparser_scale, rel=1e-5)
         torch.testing.assert_close(other.scene_box.aabb, theirs.scene_box.aabb)
         unread = {"points3D_error", "points3D_num_points2D"}
@@ -171,9 +169,8 @@ def test_a_geo_referenced_capture_is_as_sharp_as_one_at_the_origin(tiny_scene, t
         for data in (tiny_scene.folder, moved_out(tiny_scene.folder, tmp_path / "far", OUT))
     )
     # Cameras lie within 1 of the origin. In float32, 3.4e6 metres would be rounded to 0.25.
-    assert torch.allclose(
-        far.cameras.camera_to_worlds, near.cameras.camera_to_worlds, rtol=0, atol=1e-5
-    )
+    moved, value = (outputs.cameras.camera_to_worlds for outputs in (far, near))
+    assert torch.allclose(moved, value, rtol=0, atol=1e-5)
     for name in ("points3D_xyz", "points3D_rgb"):
         moved, value = (outputs.metadata[name].double() for outputs in (far, near))
         assert torch.allclose(moved, value, rtol=1e-4, atol=1e-4), name
