@@ -12,9 +12,10 @@ from desplat_ns.data.photo_files import (
 from tests.helpers.files import touch
 
 
-def test_photos_are_listed_below_their_folder(tmp_path: Path):
+def test_photos_are_listed_below_their_folder_and_those_near_not_far_down(tmp_path: Path):
     touch(tmp_path, "b.JPG", "a/c.png", "a/b/d.tif", "notes.txt", "._b.jpg")
     assert photo_names(tmp_path) == ["a/b/d.tif", "a/c.png", "b.JPG"]
+    assert photos_near(tmp_path) == ["a/c.png", "b.JPG"]
     assert photo_names(tmp_path / "absent") == []
 
 
@@ -23,11 +24,6 @@ def test_photos_behind_links_to_folders_are_listed_once(tmp_path: Path):
     (tmp_path / "photos" / "day2").symlink_to(tmp_path / "real")
     (tmp_path / "real" / "back").symlink_to(tmp_path / "photos")
     assert photo_names(tmp_path / "photos") == ["a.jpg", "day2/b.jpg"]
-
-
-def test_photos_near_are_not_looked_for_far_down(tmp_path: Path):
-    touch(tmp_path, "b.JPG", "a/c.png", "a/b/d.tif")
-    assert photos_near(tmp_path) == ["a/c.png", "b.JPG"]
 
 
 def test_factors_are_those_of_folders_beside_the_photos(tmp_path: Path):
