@@ -20,7 +20,6 @@ from desplat_ns.data.transforms_json import TransformsDataParser
 from desplat_ns.tools.studies.methods import parse
 from tests.helpers.files import write_transforms
 
-MODELS = ("sparse", "sparse/0", "colmap/sparse/0")
 TWINS = ("clean_1.png", "clutter_1.png", "extra_1.png")
 
 
@@ -52,7 +51,7 @@ def write_blender(data: Path, photo_writer, **changes: object) -> Path:
 # --- each layout ---------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("place", MODELS)
+@pytest.mark.parametrize("place", ["sparse", "sparse/0", "colmap/sparse/0"])
 def test_a_colmap_model_is_found_in_every_usual_place(tmp_path, model_writer, place: str):
     model_writer(tmp_path / place, ["a.png", "b.png"])
     chosen = recognise(tmp_path)
