@@ -70,9 +70,8 @@ def test_a_ratio_outside_its_range_is_an_error(ratio: float):
 
 @pytest.fixture
 def twins(capture) -> Path:
-    return capture(
-        [f"{kind}_{i}.png" for kind in ("clean", "clutter") for i in (1, 2)] + ["extra_1.png"]
-    )
+    names = [f"{kind}_{i}.png" for kind in ("clean", "clutter") for i in (1, 2)]
+    return capture([*names, "extra_1.png"])
 
 
 def test_clutter_trains_unless_clean_is_asked_for_and_extras_evaluate(twins: Path):
