@@ -7,7 +7,12 @@ from nerfstudio.cameras.cameras import CameraType
 from desplat_ns.backend.protocol import View
 from desplat_ns.cameras.views import resized, view_of
 from desplat_ns.core.errors import ConfigError
-from tests.helpers.cameras import cameras
+
+
+def cameras() -> Cameras:
+    """One at (1, 2, 3) that looks along +y with z up, in nerfstudio's (OpenGL) axes."""
+    right, up, back, place = [1.0, 0, 0], [0, 0, 1.0], [0, -1.0, 0], [1.0, 2, 3]
+    return Cameras(torch.tensor([right, up, back, place]).T[None], 80.0, 90.0, 50.0, 25.0, 101, 51)
 
 
 def project(view: View, point: list[float]) -> torch.Tensor:
