@@ -33,7 +33,9 @@ def outputs_of(data: Path, split: str = "train", **options):
     return NerfstudioDataParserConfig(data=data, **options).setup().get_dataparser_outputs(split)
 
 
-def test_colmaps_points_are_used_without_a_question(processed, model_writer, monkeypatch):
+def test_colmaps_points_are_used_without_a_question_and_moved_as_the_poses_were(
+    processed, model_writer, monkeypatch
+):
     def never(*args, **kwargs):
         raise AssertionError("asked a question")
 
@@ -45,6 +47,10 @@ def test_colmaps_points_are_used_without_a_question(processed, model_writer, mon
     expected = torch.tensor([[-1.0, 0.5, -4.0], [2.0, 1.0, -3.0]])
     torch.testing.assert_close(outputs.metadata["points3D_xyz"], expected)
     assert (processed / "transforms.json").read_bytes() == before
+    applied = [[0, 0, 1, 5], [1, 0, 0, 6], [0, 1, 0, 7]]
+    damage(processed, applied_transform=applied, applied_scale=2)
+    expected = torch.tensor([[18.0, 13, 12], [16, 14, 18]])
+    torch.testing.assert_close(outputs_of(processed, **AS_GIVEN).metadata["points3D_xyz"], expected)
 
 
 def test_of_few_photos_one_is_held_out(processed: Path):
@@ -206,14 +212,6 @@ def test_masks_are_named_by_either_key_and_in_every_frame(processed: Path, photo
     rewrite(processed, lambda number, frame: frame.update({key: "m.png" * (number > 0)}))
     with pytest.raises(CaptureError, match="mask_path"):
         outputs_of(processed)
-
-
-def test_points_of_the_model_are_moved_as_the_poses_were(processed: Path, model_writer, capsys):
-    model_writer(processed / "colmap" / "sparse" / "0", ["0.png", "1.png"])
-    applied = [[0, 0, 1, 5], [1, 0, 0, 6], [0, 1, 0, 7]]
-    damage(processed, applied_transform=applied, applied_scale=2)
-    expected = torch.tensor([[18.0, 13, 12], [16, 14, 18]])
-    torch.testing.assert_close(outputs_of(processed, **AS_GIVEN).metadata["points3D_xyz"], expected)
 
 
 def test_what_other_programs_write_is_read(processed: Path):
