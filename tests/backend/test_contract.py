@@ -33,10 +33,6 @@ SHARPNESS = 1 / math.sqrt(1.3)
 """Of `one_gaussian`, whose variance is 1 + 0.3 pixels^2."""
 
 
-FLIP_BUDGET = 0.1
-"""Share of pixels that may lie within rounding of a jump."""
-
-
 def assert_agrees(backend: Backend, scene: TestScene, settings: RenderSettings = DEPTH) -> None:
     """Compare colour, alpha and depth, and the gradients of a random linear functional of them."""
     truth = scene.to(torch.float64)
@@ -44,7 +40,7 @@ def assert_agrees(backend: Backend, scene: TestScene, settings: RenderSettings =
     want.means2d.retain_grad()
     allowed = tolerance(backend.dtype, scene.size, want.sharpness)
     safe = (want.margin > allowed)[..., None]
-    assert safe.double().mean() >= 1 - FLIP_BUDGET
+    assert safe.double().mean() >= 0.9
     leaves, got = backend.render(scene, settings)
     assert got.depth is not None
     # A depth is the quotient of two sums: an error relative to their weight.
@@ -206,12 +202,6 @@ def test_what_lies_beyond_the_border_shows_as_far_as_its_alpha_reaches(exact_bac
     )
     assert render_reference(scene.to(torch.float64), RenderSettings()).alpha.max() > 0.005
     assert_agrees(exact_backend, scene)
-
-
-def test_equal_depths_are_drawn_in_the_order_of_their_index(exact_backend):
-    two = joined(one_gaussian(), one_gaussian(colors=torch.tensor([[0.0, 0.0, 1.0]])))
-    _, got = exact_backend.render(two, RenderSettings())
-    assert got.rgb[4, 4].tolist() == pytest.approx([0.5, 0.25, 0.125 + 0.25], rel=1e-5)
 
 
 def test_the_same_input_gives_the_same_bits(backend):
