@@ -15,13 +15,8 @@ VIEW = View(torch.eye(4), torch.tensor([[20.0, 0, 16], [0, 20, 12], [0, 0, 1]]),
 def splats(opacities: list[float], depths: list[float], side: list[float]) -> Splats:
     n = len(opacities)
     means = torch.stack([torch.tensor(side), torch.zeros(n), torch.tensor(depths)], dim=-1)
-    return Splats(
-        means=means,
-        quats=torch.tensor([[1.0, 0, 0, 0]]).repeat(n, 1),
-        scales=torch.full((n, 3), 0.1),
-        opacities=torch.tensor(opacities),
-        colors=torch.rand(n, 3),
-    )
+    quats, scales = torch.tensor([[1.0, 0, 0, 0]]).repeat(n, 1), torch.full((n, 3), 0.1)
+    return Splats(means, quats, scales, torch.tensor(opacities), colors=torch.rand(n, 3))
 
 
 @pytest.fixture(params=["torch", "numba"])
