@@ -18,8 +18,6 @@ from tests.backend.scenes import TestScene, random_scene
 
 REAL_SIGNATURE = inspect.signature(gsplat.rendering.rasterization)
 
-RADII = torch.tensor([[3, 0]], dtype=torch.int32)
-
 
 class FakeGsplat:
     """Stands in for gsplat's `rasterization` and keeps what it was given."""
@@ -33,8 +31,9 @@ class FakeGsplat:
         height, width = arguments["height"], arguments["width"]
         channels = 4 if arguments["render_mode"] == "RGB+ED" else 3
         image = torch.arange(channels).expand(1, height, width, channels).float()
-        means2d = arguments["means"][None, :, :2]
-        return image, torch.ones(1, height, width, 1), {"means2d": means2d, "radii": RADII}
+        radii = torch.tensor([[3, 0]], dtype=torch.int32)
+        found = {"means2d": arguments["means"][None, :, :2], "radii": radii}
+        return image, torch.ones(1, height, width, 1), found
 
 
 def scene_of(count: int) -> TestScene:
