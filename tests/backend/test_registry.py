@@ -12,11 +12,8 @@ KERNELS = "desplat_ns.backend.gsplat_build.unavailable_reason"
 def test_auto_follows_the_device(monkeypatch):
     monkeypatch.setattr(torch.cuda, "is_available", lambda: True)
     monkeypatch.setattr(KERNELS, lambda: None)
-    assert [resolve("auto", device).name for device in ("cuda", "cpu", "mps")] == [
-        "gsplat",
-        "numba",
-        "torch",
-    ]
+    names = [resolve("auto", device).name for device in ("cuda", "cpu", "mps")]
+    assert names == ["gsplat", "numba", "torch"]
 
 
 @pytest.mark.parametrize(
