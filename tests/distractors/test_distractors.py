@@ -61,22 +61,20 @@ def test_what_the_sweep_keeps_does_not_depend_on_the_static_scene():
     view = View(torch.eye(4), torch.eye(3), 24, 20)
     photo, mask = torch.rand(20, 24, 3), torch.ones(20, 24, 1, dtype=torch.bool)
     mask[5:9] = False
-    kept = []
-    for value in (0.0, 1.0):
-        static = torch.full((20, 24, 3), value)
-        radii = torch.ones(30, dtype=torch.int32)
+
+    def kept(number: int, value: float) -> Any:
+        static, radii = torch.full((20, 24, 3), value), torch.ones(30, dtype=torch.int32)
         drawn = Rendering(static, static[..., :1], None, torch.rand(1, 30, 2), radii)
-        step = Step(NominalStep(0), RunStep(0), 1, view, drawn)
+        step = Step(NominalStep(number), RunStep(number), 1, view, drawn)
         step.photo, step.static_rgb, step.mask = photo, static, mask
         model.distractors.look(step, torch.zeros(30, 1), {})
-        kept.append(step.sweep_photo)
-    assert torch.equal(*kept)
-    assert (kept[0][5:9, :, 3] == 0).all()
-    model.distractors.sweep.keep(1, kept[0])
-    step = Step(NominalStep(1), RunStep(1), 1, view, drawn)
-    step.photo, step.static_rgb, step.mask = photo, static, mask
-    model.distractors.look(step, torch.zeros(30, 1), {})
-    assert step.sweep_photo is None
+        return step.sweep_photo
+
+    first = kept(0, 0.0)
+    assert torch.equal(first, kept(0, 1.0))
+    assert (first[5:9, :, 3] == 0).all()
+    model.distractors.sweep.keep(1, first)
+    assert kept(1, 1.0) is None
 
 
 def test_a_background_that_the_user_chose_is_scene_and_a_random_one_is_not(monkeypatch):
