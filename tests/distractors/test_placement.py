@@ -18,17 +18,10 @@ from desplat_ns.distractors.placement import (
 from desplat_ns.separation.grid import grid_of, region_pixels
 from desplat_ns.separation.residuals import RESIDUAL_MEDIANS
 from desplat_ns.step import Step
-from tests.helpers.well_known_scene import (
-    HEIGHT,
-    WIDTH,
-    WellKnownScene,
-    cameras,
-    the_view,
-)
+from tests.helpers.well_known_scene import HEIGHT, WIDTH, WellKnownScene, cameras, the_view
 
 CONFIG = DistractorConfig(per_view=600, start="residual", initial_opacity=0.5)
 """Cells of 2 x 2 pixels."""
-WARMED_UP = dataclasses.replace(CONFIG, static_warmup=5)
 
 
 def a_photo() -> torch.Tensor:
@@ -37,12 +30,6 @@ def a_photo() -> torch.Tensor:
 
 def alpha(value: float) -> torch.Tensor:
     return torch.full((HEIGHT, WIDTH, 1), value)
-
-
-def new_ones(regions: torch.Tensor) -> dict[str, torch.Tensor]:
-    """Distractors where a region is and none covers anything."""
-    cells = uncovered_cells(regions, alpha(0.0), CONFIG).numpy()
-    return distractors_in(cells, the_view(), a_photo(), CONFIG)
 
 
 def block() -> torch.Tensor:
@@ -58,7 +45,8 @@ def pixels(means: torch.Tensor, view: View) -> torch.Tensor:
 
 
 def test_new_distractors_lie_on_the_cells_of_the_region_in_the_photos_colours():
-    new = new_ones(block())
+    cells = uncovered_cells(block(), alpha(0.0), CONFIG).numpy()
+    new = distractors_in(cells, the_view(), a_photo(), CONFIG)
     places = pixels(new["means"], the_view())
     assert len(places) == 5 * 10
     x, y = torch.meshgrid(torch.arange(31.0, 50, 2), torch.arange(11.0, 20, 2), indexing="xy")
@@ -93,9 +81,10 @@ def test_those_in_the_region_stay():
 class Trained:
     """The layer in front of a scene that is known well, step by step."""
 
-    def __init__(self, config: DistractorConfig = WARMED_UP, num_views: int = 40) -> None:
+    def __init__(self, num_views: int = 40) -> None:
         self.scene, cams = WellKnownScene(), cameras()[torch.zeros(num_views, dtype=torch.long)]
-        self.layer = Distractors(config, SplatfactoModelConfig(), cams)
+        warmed_up = dataclasses.replace(CONFIG, static_warmup=5)
+        self.layer = Distractors(warmed_up, SplatfactoModelConfig(), cams)
 
     def step(self, number: int, photo: torch.Tensor) -> Step:
         scene, step = self.scene, self.scene.train_step(number, photo)
