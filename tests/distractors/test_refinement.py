@@ -74,8 +74,8 @@ class Scene:
             group, NominalStep(step), info, lambda held: self.pixels[: len(held["means"])]
         )
 
-    def moment(self, name: str, view: int = 0) -> torch.Tensor:
-        group = self.distractors.views[view]
+    def moment(self, name: str) -> torch.Tensor:
+        group = self.distractors.views[0]
         return group.optimizers[name].state[group.params[name]]["exp_avg"]
 
 
