@@ -32,9 +32,8 @@ class Scene:
         }
         self.strategy = StaticStrategy(**defaults | settings)
         sizes = {"means": 3, "scales": 3, "quats": 4, "opacities": 1}
-        self.params = nn.ParameterDict(
-            {k: nn.Parameter(torch.ones(4, n)) for k, n in sizes.items()}
-        )
+        params = {k: nn.Parameter(torch.ones(4, n)) for k, n in sizes.items()}
+        self.params = nn.ParameterDict(params)
         self.optimizers: Any = {k: torch.optim.Adam([p]) for k, p in self.params.items()}
         self.state = self.strategy.initialize_state()
 
@@ -47,9 +46,8 @@ class Scene:
         black = torch.zeros(10, 20, 3)
         rendering = Rendering(black, black[..., :1], None, means2d, torch.ones(n).int())
         info = strategy_info(rendering, VIEW)
-        self.strategy.step_post_backward(
-            self.params, self.optimizers, self.state, NominalStep(step), info
-        )
+        held = self.params, self.optimizers, self.state
+        self.strategy.step_post_backward(*held, NominalStep(step), info)
         return len(self.params["means"])
 
 
@@ -171,9 +169,8 @@ def test_two_halves_have_the_mass_the_mean_and_the_covariance_of_the_whole():
     long_axis_split(params, optimizers, state, torch.tensor([True, False, True, False, False]))
     assert state["count"].tolist() == [1, 3, 4, 0, 2, 0, 2]
     for parent, halves in ((0, [3, 5]), (2, [4, 6])):
-        torch.testing.assert_close(
-            moments_of(params, halves), moments_of(whole, [parent]), rtol=1e-13, atol=1e-13
-        )
+        ours, wanted = moments_of(params, halves), moments_of(whole, [parent])
+        torch.testing.assert_close(ours, wanted, rtol=1e-13, atol=1e-13)
         widths, before = params["scales"][halves], whole["scales"][parent]
         assert (widths.isclose(before).sum(dim=-1) == 2).all()  # the longest alone is shorter
         for name, p in params.items():
