@@ -24,15 +24,13 @@ from desplat_ns.core.schedule import Schedule
 from desplat_ns.training.trainer import DeSplatTrainerConfig
 from tests.helpers import registered
 
-NOMINAL = 24
-
 
 class StubDatamanager:
     """Draws training views without replacement, as the real one does."""
 
-    def __init__(self, photos: int) -> None:
-        self.train_image_names = [f"{number}.png" for number in range(photos)]
+    def __init__(self) -> None:
         self.train_dataset = [0, 1, 2, 3, 4]
+        self.train_image_names = [f"{number}.png" for number in self.train_dataset]
         self.eval_dataset = None
         self.left: list[int] = []
 
@@ -73,10 +71,9 @@ class StubPipeline(Pipeline):
 
     def __init__(self, config: "StubPipelineConfig", **_: Any) -> None:
         super().__init__()
-        self.groups = torch.nn.ParameterDict(
-            {name: Parameter(torch.ones(config.size)) for name in config.groups}
-        )
-        self.datamanager: Any = StubDatamanager(config.photos)
+        groups = {name: Parameter(torch.ones(4)) for name in ("means", "scales")}
+        self.groups = torch.nn.ParameterDict(groups)
+        self.datamanager: Any = StubDatamanager()
         self._model: Any = StubModel(config.model.schedule_scale)
         self.at_step: Callable[[int], None] = lambda step: None
         self.trained: list[int] = []
@@ -90,7 +87,7 @@ class StubPipeline(Pipeline):
         self.at_step(step)
         self.trained.append(step)
         target = torch.rand(4) + self.datamanager.next_view()
-        losses = [((p - target[: p.numel()]) ** 2).mean() for p in self.groups.values()]
+        losses = [((p - target) ** 2).mean() for p in self.groups.values()]
         return {}, {"loss": torch.stack(losses).sum()}, {}
 
     def get_param_groups(self) -> dict[str, list[Parameter]]:
@@ -136,20 +133,13 @@ class StubPipelineConfig(VanillaPipelineConfig):
     _target: type = field(default_factory=lambda: StubPipeline)
     datamanager: Any = field(default_factory=lambda: SimpleNamespace(data=None))
     model: Any = field(default_factory=StubModelConfig)
-    groups: tuple[str, ...] = ("means", "scales")
-    size: int = 4
-    photos: int = 5
-
-
-def decay() -> dict[str, Any]:
-    scheduler = ExponentialDecaySchedulerConfig(lr_final=1e-4, max_steps=NOMINAL)
-    return {"optimizer": AdamOptimizerConfig(lr=1e-2), "scheduler": scheduler}
 
 
 @pytest.fixture
 def config(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> DeSplatTrainerConfig:
     monkeypatch.setattr(writer, "EVENT_WRITERS", [])  # nerfstudio keeps them for the process
     constant = {"optimizer": AdamOptimizerConfig(lr=1e-2), "scheduler": None}
+    decay = {**constant, "scheduler": ExponentialDecaySchedulerConfig(lr_final=1e-4, max_steps=24)}
     return DeSplatTrainerConfig(
         method_name="stub",
         output_dir=tmp_path,
@@ -158,9 +148,9 @@ def config(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> DeSplatTrainerCon
         logging=LoggingConfig(local_writer=LocalWriterConfig(enable=False)),
         pipeline=StubPipelineConfig(),
         accept_mismatch=True,  # there is no capture to look at
-        optimizers={"means": decay(), "scales": constant, "extra": constant},
+        optimizers={"means": decay, "scales": constant, "extra": constant},
         vis="tensorboard",
-        nominal_num_iterations=NOMINAL,
+        nominal_num_iterations=24,
         max_num_iterations=12,
         steps_per_save=5,
         save_only_latest_checkpoint=False,
@@ -184,13 +174,8 @@ def train(config: DeSplatTrainerConfig, seed: int = 1) -> Any:
 
 def resumed(config: DeSplatTrainerConfig, **changes: Any) -> DeSplatTrainerConfig:
     """The configuration of a new run that goes on from this one's."""
-    defaults: dict[str, Any] = {"timestamp": "second", "load_dir": config.get_checkpoint_dir()}
-    return dataclasses.replace(
-        config,
-        pipeline=StubPipelineConfig(),
-        optimizers=config.optimizers,
-        **{**defaults, **changes},
-    )
+    changes = {"timestamp": "second", "load_dir": config.get_checkpoint_dir(), **changes}
+    return dataclasses.replace(config, pipeline=StubPipelineConfig(), **changes)
 
 
 def assert_same(a: Any, b: Any) -> None:
