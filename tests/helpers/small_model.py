@@ -71,9 +71,9 @@ def held_out(width: int = WIDTH) -> Cameras:
     return Cameras(pose[None], 20.0, 20.0, WIDTH / 2, HEIGHT / 2, width, HEIGHT)
 
 
-def photo_in_the_light_of(model: Any, view: int, width: int = WIDTH) -> torch.Tensor:
+def photo_in_the_light_of(model: Any, view: int) -> torch.Tensor:
     with model.shown_light.fixed(model.image_effects.of(view)):
-        return model.get_outputs_for_camera(held_out(width))["rgb"]
+        return model.get_outputs_for_camera(held_out())["rgb"]
 
 
 class Trainer:
