@@ -15,13 +15,11 @@ from desplat_ns.photo_tourism.image_effects import ImageEffects
 NUM, FEATURES = 200, 24
 SETTINGS = RenderSettings()
 VIEW = View(torch.eye(4), torch.tensor([[30.0, 0, 16], [0, 30, 12], [0, 0, 1]]), 32, 24)
-CONFIG = AppearanceConfig()
 
 
 def effects_of(appearance: Any) -> Any:
     torch.manual_seed(0)
-    effects = Effects(appearance=appearance)
-    built = ImageEffects(effects, CONFIG, 3, 3)
+    built = ImageEffects(Effects(appearance=appearance), AppearanceConfig(), 3, 3)
     for parameter in built.parameters():
         parameter.data += 0.2 * torch.randn(parameter.shape)
     return built
