@@ -108,9 +108,8 @@ def test_baked_coefficients_render_to_the_worn_appearance(appearance, sh_degree)
     splats = dataclasses.replace(splats, colors=baked)
     view = model.view_of_camera(camera(0), None)
     rendering = model.rasterizer(splats, view, model.render_settings(depth=False))
-    image = rendering.rgb + (1 - rendering.alpha) * model.background_of(
-        view, model.embedding_of(None)
-    )
+    behind = model.background_of(view, model.embedding_of(None))
+    image = rendering.rgb + (1 - rendering.alpha) * behind
     torch.testing.assert_close(image.detach().clamp(0, 1), expected, rtol=0, atol=1e-5)
 
 
@@ -143,26 +142,19 @@ def test_what_a_mask_leaves_out_is_no_sky():
     assert loss(mask=torch.zeros_like(left)) == 0
 
 
-def lit_photos(model: DeSplatModel, lights: torch.Tensor) -> list[torch.Tensor]:
-    """What the three training cameras would photograph, each in its own light."""
-    photos = []
-    for view in range(3):
-        plain = model.eval().get_outputs_for_camera(camera(view))["rgb"]
-        radius2 = squared_radius(model.view_of_camera(camera(view), None))
-        photos.append(camera_response(plain, lights[view], radius2).clamp(0, 1))
-    return photos
-
-
 @pytest.mark.slow
 def test_training_finds_the_cameras_responses_and_leaves_the_scene_its_colours():
     model = model_with("camera", distractors=DistractorConfig(per_view=0))
     lights = torch.tensor([[0.3, 0.2, 0.1, 0, 0], [0, 0, 0, 0.2, 0], [-0.3, -0.2, -0.1, -0.2, 0]])
-    photos = lit_photos(model, lights)
+    photos = []
+    for view, light in enumerate(lights):
+        plain = model.eval().get_outputs_for_camera(camera(view))["rgb"]
+        radius2 = squared_radius(model.view_of_camera(camera(view), None))
+        photos.append(camera_response(plain, light, radius2).clamp(0, 1))
     trainer = Trainer(model)
     model.strategy.refine_stop_iter = 0
-    trainer.optimizers = {
-        "camera_responses": torch.optim.Adam(model.get_param_groups()["camera_responses"], lr=0.02)
-    }
+    group = model.get_param_groups()["camera_responses"]
+    trainer.optimizers = {"camera_responses": torch.optim.Adam(group, lr=0.02)}
     for step in range(150):
         trainer.photo = photos[step % 3]
         trainer.step(step, view=step % 3)
