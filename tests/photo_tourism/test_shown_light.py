@@ -24,18 +24,13 @@ def test_an_image_of_its_own_else_the_average(lights):
     torch.testing.assert_close(shown.embedding(lights), lights.of(None))
 
 
-def test_the_viewer_s_choice_is_shown(lights):
-    shown = ShownLight(NAMES)
-    shown.choice.value = "c.jpg"
-    torch.testing.assert_close(shown.embedding(lights, 1), lights.of(2))
-
-
-def test_the_environment_names_an_image(lights, monkeypatch):
+def test_the_environment_names_an_image_and_the_viewers_choice_comes_before_it(lights, monkeypatch):
     monkeypatch.setenv(VARIABLE, "b:1.jpg")
     shown = ShownLight(NAMES)
     assert torch.equal(shown.embedding(lights), lights.of(1))
-    shown.choice.value = "c.jpg"  # the viewer comes before it
-    assert torch.equal(shown.embedding(lights), lights.of(2))
+    shown.choice.value = "c.jpg"
+    for train_index in (None, 1):
+        assert torch.equal(shown.embedding(lights, train_index), lights.of(2))
 
 
 def test_an_evaluation_sees_neither(lights, monkeypatch):
