@@ -3,12 +3,7 @@
 import pytest
 import torch
 
-from desplat_ns.separation.grid import (
-    grid_of,
-    pooled,
-    region_pixels,
-    window_means,
-)
+from desplat_ns.separation.grid import grid_of, pooled, region_pixels, window_means
 
 
 @pytest.mark.parametrize(("width", "height"), [(240, 135), (1920, 1080), (1, 1), (9, 900)])
