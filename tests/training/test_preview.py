@@ -11,7 +11,9 @@ def test_a_page_after_each_step_shows_photos_and_changes_no_bit(tiny_run, tmp_pa
     for name, every, cost in (("without", 1e9, -1.0), ("with", 0.0, 1e9)):
         monkeypatch.setattr(preview, "EVERY", every)
         monkeypatch.setattr(preview, "COST", cost)
-        trainer = set_up(tiny_run(tmp_path / name), 1)
+        config = tiny_run(tmp_path / name)
+        config.max_num_iterations = 12
+        trainer = set_up(config, 1)
         trainer.train()
         states.append(load_newest(trainer.checkpoint_dir)[1])
         page = (trainer.base_dir / "preview.html").read_text()
