@@ -65,9 +65,8 @@ def test_a_run_that_is_cut_short_goes_through_what_is_left_of_its_schedules(conf
     paced = StubPipelineConfig(model=StubModelConfig(schedule_scale=0.5))
     train(dataclasses.replace(config, max_num_iterations=3, pipeline=paced))
     rates = rates_of(resumed(config, max_num_iterations=6))
-    assert [of[0] for of in rates] == pytest.approx(
-        [1e-2 * 10 ** (-n / 12) for n in (6, 12, 18)], rel=1e-12
-    )
+    wanted = [1e-2 * 10 ** (-n / 12) for n in (6, 12, 18)]
+    assert [of[0] for of in rates] == pytest.approx(wanted, rel=1e-12)
     assert "planned for more steps" in capsys.readouterr().out
 
 
