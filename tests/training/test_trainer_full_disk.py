@@ -53,9 +53,8 @@ def test_a_last_save_that_fails_ends_the_run_with_its_reason(config, capsys):
         )
         with pytest.raises(CheckpointError, match=r"000011\.ckpt"):
             trainer.train()  # capsys: what is printed goes to memory, which is not full
-    assert [p.name for p in config.get_base_dir().glob("nerfstudio_models/*")] == [
-        "step-000000005.ckpt"
-    ]
+    saved = config.get_base_dir().glob("nerfstudio_models/*")
+    assert [path.name for path in saved] == ["step-000000005.ckpt"]
     assert not (config.get_base_dir() / STAGING_FOLDER).exists()
     assert train(resumed(config)).pipeline.trained == list(range(6, 12))
 
