@@ -49,10 +49,8 @@ def test_a_signal_finishes_the_step_saves_and_nothing_is_lost(config, number):
     second = resumed(config)
     assert train(second, seed=99).pipeline.trained == list(range(4, 12))
     straight = config.get_base_dir().parent / "straight" / "nerfstudio_models"
-    assert_same(
-        load_checkpoint(straight / "step-000000011.ckpt"),
-        load_checkpoint(second.get_checkpoint_dir() / "step-000000011.ckpt"),
-    )
+    folders = straight, second.get_checkpoint_dir()
+    assert_same(*(load_checkpoint(folder / "step-000000011.ckpt") for folder in folders))
 
 
 @pytest.fixture
