@@ -51,9 +51,8 @@ def test_the_right_half_cannot_reach_the_embedding(model, width, pixels, monkeyp
     assert torch.equal(*fitted)
     last = -1 if pixels > REDUCED else -4  # the last columns that are whole in what is drawn
     left_half(other)[0, last] += 0.5
-    assert not torch.equal(
-        embedding_from_left_half(model, held_out(width), other, SHORT), fitted[0]
-    )
+    again = embedding_from_left_half(model, held_out(width), other, SHORT)
+    assert not torch.equal(again, fitted[0])
 
 
 def test_what_is_fitted_is_what_is_scored(model):
@@ -74,16 +73,11 @@ def test_what_a_mask_leaves_out_does_not_reach_the_embedding(model):
 # --- scores ------------------------------------------------------------------------------
 
 
-def by_left_half(model: DeSplatModel, config: EvaluationConfig) -> Scorer:
-    """Right halves, each in the light that the left half asks for."""
-    return Scorer(model, "right half", config)
-
-
 def test_all_else_stays_bit_identical(model):
     before = {
         name: value.clone() for name, value in model.state_dict().items() if torch.is_tensor(value)
     }
-    protocol = by_left_half(model, SHORT)
+    protocol = Scorer(model, "right half", SHORT)
     protocol.score(held_out(), {"image": torch.rand(HEIGHT, WIDTH, 3)})
     after = model.state_dict()
     assert all(torch.equal(after[name], value) for name, value in before.items())
@@ -97,7 +91,7 @@ def test_the_light_of_a_photo_is_found_again(model, pixels, monkeypatch):
     monkeypatch.setattr(halves, "FITTED_PIXELS", pixels)
     photo = photo_in_the_light_of(model, 2)
     config = EvaluationConfig(steps=128, learning_rate=0.05)
-    scored, _ = by_left_half(model, config).score(held_out(), {"image": photo})
+    scored, _ = Scorer(model, "right half", config).score(held_out(), {"image": photo})
     assert scored["psnr"] > scored["psnr_before"] + 6
 
 
@@ -105,7 +99,7 @@ def test_figures_are_the_right_halfs(model, monkeypatch):
     """A photo that is right on the left and wrong on the right scores as wrong."""
     photo = photo_in_the_light_of(model, 1)
     mean = model.image_effects.of(None)
-    protocol, known = by_left_half(model, SHORT), model.image_effects.of(1).detach()
+    protocol, known = Scorer(model, "right half", SHORT), model.image_effects.of(1).detach()
     monkeypatch.setattr(module, "embedding_from_left_half", lambda *_: known)
     right, _ = protocol.score(held_out(), {"image": photo})
     assert right["psnr"] == pytest.approx(100)
@@ -121,7 +115,7 @@ def test_figures_are_the_right_halfs(model, monkeypatch):
 def test_right_halves_without_embeddings_are_scored_in_the_average_light(model):
     photo = photo_in_the_light_of(model, 1)
     scored, beside = Scorer(model, "right half").score(held_out(), {"image": photo})
-    both, _ = by_left_half(model, SHORT).score(held_out(), {"image": photo})
+    both, _ = Scorer(model, "right half", SHORT).score(held_out(), {"image": photo})
     assert scored["psnr"] == both["psnr_before"]
     assert "psnr_before" not in scored
     assert beside.shape == (HEIGHT, 2 * WIDTH, 3)
