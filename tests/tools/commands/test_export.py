@@ -13,8 +13,6 @@ from desplat_ns.core.errors import CaptureError, ConfigError
 from desplat_ns.tools.commands.export import Masks, Page, Splats
 from tests.helpers.splat_files import read_splats
 
-TRAINING_PHOTOS = 6
-
 
 @pytest.mark.parametrize("frame", ["upright", "training"])
 def test_every_format_holds_the_same_gaussians(trained: Path, tmp_path: Path, frame: Any):
@@ -61,7 +59,7 @@ def test_every_training_photo_has_a_mask_of_its_size(
     Masks(trained, output=tmp_path / "b", invert=True, dilate=2.0, names="nerfstudio").main()
     used = sorted((tmp_path / "a").iterdir())
     masked = sorted((tmp_path / "b").iterdir())
-    assert len(used) == len(masked) == TRAINING_PHOTOS
+    assert len(used) == len(masked) == 6
     some = False
     for mask, other in zip(used, masked, strict=True):
         photo = tiny_scene.folder / "images" / mask.name.removesuffix(".png")
