@@ -31,23 +31,15 @@ def in_a_row(*xs: float) -> Cameras:
 
 
 def small(*means: tuple[float, float, float], scale: float = 0.01) -> Splats:
-    count = len(means)
-    return Splats(
-        means=torch.tensor(means),
-        quats=torch.tensor([[1.0, 0, 0, 0]]).repeat(count, 1),
-        scales=torch.full((count, 3), scale),
-        opacities=torch.full((count,), 0.9),
-        colors=torch.zeros(count, 3),
-    )
+    count, quat = len(means), torch.tensor([[1.0, 0, 0, 0]])
+    shapes = torch.tensor(means), quat.repeat(count, 1), torch.full((count, 3), scale)
+    return Splats(*shapes, opacities=torch.full((count,), 0.9), colors=torch.zeros(count, 3))
 
 
-def test_neighbours_are_the_nearest_three_each_pair_once():
+def test_neighbours_are_the_nearest_three_each_pair_once_but_for_those_that_look_elsewhere():
     poses = in_a_row(0, 1, 2, 3, 10).camera_to_worlds
     pairs = [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (1, 4), (2, 3), (2, 4), (3, 4)]
     assert neighbours(poses) == pairs
-
-
-def test_cameras_that_look_elsewhere_are_no_neighbours():
     poses = torch.stack([turned(0, 0, 0, 0), turned(89, 2, 0, 0), turned(91, 1, 0, 0)])
     assert neighbours(poses) == [(0, 1), (1, 2)]
     assert neighbours(poses[:1]) == []
