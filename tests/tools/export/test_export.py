@@ -32,13 +32,9 @@ def rendering(camera: View, depth: float, alpha: float) -> Rendering:
     size = (camera.height, camera.width, 1)
     depths = torch.full(size, depth)
     depths[0] = 1e6  # a row of sky
-    return Rendering(
-        torch.zeros(camera.height, camera.width, 3),
-        torch.full(size, alpha),
-        depths,
-        torch.zeros(1, 0, 2),
-        torch.zeros(0, dtype=torch.int64),
-    )
+    nothing = torch.zeros(1, 0, 2), torch.zeros(0, dtype=torch.int64)
+    black = torch.zeros(camera.height, camera.width, 3)
+    return Rendering(black, torch.full(size, alpha), depths, *nothing)
 
 
 def test_a_camera_looks_as_far_as_the_median_depth_of_what_is_opaque():
@@ -122,6 +118,5 @@ def test_a_nerfstudio_captures_frame_is_that_of_its_own_points_also_far_out(
     if ending == "ply":
         assert "comment offset {} {} {}\n".format(*offset).encode() in content
     assert np.abs(means + offset - points).max() <= OFF_BY * 0.05
-    assert (
-        offset == np.round(offset)
-    ).all() and f"a.{ending}.offset.txt" in capsys.readouterr().out
+    assert (offset == np.round(offset)).all()
+    assert f"a.{ending}.offset.txt" in capsys.readouterr().out
