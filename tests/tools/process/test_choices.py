@@ -2,18 +2,9 @@
 
 from pathlib import Path
 
-import numpy as np
-
 from desplat_ns.tools.process.photos import Photo, group_by_camera, numbered
 from desplat_ns.tools.process.process import left_out
-from desplat_ns.tools.process.reconstruction import (
-    PLAIN,
-    Attempt,
-    Model,
-    sequential_pairs,
-    similar_pairs,
-    similarities,
-)
+from desplat_ns.tools.process.reconstruction import PLAIN, Attempt, Model, sequential_pairs
 from desplat_ns.tools.process.video import Frame, choose
 
 
@@ -23,30 +14,17 @@ def photo(number: int, **changes) -> Photo:
 
 
 def test_names_that_differ_by_their_ending_do_not_meet():
-    assert [named.name for named in numbered(["a.jpg", "a.png", "b/a.jpg"])] == [
-        "a.jpg", "a_png.jpg", "b/a.jpg",
-    ]  # fmt: skip
+    names = [named.name for named in numbered(["a.jpg", "a.png", "b/a.jpg"])]
+    assert names == ["a.jpg", "a_png.jpg", "b/a.jpg"]
 
 
 def test_frames_have_neighbours_and_doubled_distances():
     assert [b for a, b in sequential_pairs(100) if a == 0] == [*range(1, 11), 20, 40, 80]
 
 
-def test_photos_are_paired_with_those_that_look_alike():
-    rng = np.random.default_rng(0)
-    kinds = rng.normal(size=(2, 200, 128)).astype(np.float32) * 10
-    noise = rng.normal(size=(6, 200, 128)).astype(np.float32)
-    photos = [np.clip(100 + kinds[i % 2] + noise[i], 0, 255).astype(np.uint8) for i in range(6)]
-    likeness = similarities(photos)
-    assert similar_pairs(likeness, 2) == [(0, 2), (0, 4), (1, 3), (1, 5), (2, 4), (3, 5)]
-
-
-def test_photos_of_one_size_share_a_camera_unless_exif_says_otherwise():
+def test_photos_of_one_size_share_a_camera_unless_exif_says_otherwise_and_of_many_have_one_each():
     photos = [*(photo(i) for i in range(12)), photo(12, camera="A 5.0", focal_35mm=50.0)]
     assert group_by_camera(photos, "auto") == [photos[:12], photos[12:]]
-
-
-def test_photos_of_many_sizes_have_a_camera_each():
     photos = [photo(i, width=40 + i // 2) for i in range(6)]
     assert len(group_by_camera(photos, "auto")) == 6
     assert len(group_by_camera(photos, "one")) == 3
