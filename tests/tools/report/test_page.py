@@ -112,9 +112,6 @@ def test_what_stands_out_is_said_with_what_to_try(changes: dict[str, Any], words
     assert all(word in text for word in words), text
 
 
-@pytest.mark.parametrize(
-    "changes",
-    [{}, {"distractors": None, "training": covered(0.0)}],
-)
+@pytest.mark.parametrize("changes", [{}, {"distractors": None, "training": covered(0.0)}])
 def test_where_nothing_stands_out_nothing_is_said(changes: dict[str, Any]):
     assert said(**changes) == []
