@@ -59,9 +59,8 @@ def test_holes_and_veils_of_the_worst_photo_are_named():
 def test_masks_are_doubtful_where_the_scene_shows_the_same_or_most_photos_have_large_ones():
     assert said({}, masks=[(0.1, 0.1)] * 3 + [(0.0, 0.0)]) == []
     assert "75%" in said({}, masks=[(0.1, 0.9), (0.1, 0.6), (0.0, 0.0)])[0]
-    assert (
-        "2 of 3 photos have large masks" in said({}, masks=[(0.4, 0.0), (0.4, 0.0), (0.1, 0.0)])[0]
-    )
+    large = [(0.4, 0.0), (0.4, 0.0), (0.1, 0.0)]
+    assert "2 of 3 photos have large masks" in said({}, masks=large)[0]
     assert said({}, masks=[(0.0, 0.0)])[0].startswith("Nothing was found")
     words = found_in_words([(0.1, 0.5), (0.3, 0.5), (0.0, 0.0)])
     assert words.endswith("in 2 of 3 photos: 20.0% of their pixels.") and not found_in_words([])
