@@ -13,12 +13,7 @@ from desplat_ns.core.errors import CaptureError, ConfigError
 from desplat_ns.core.run_files import find_run
 from desplat_ns.tools.export.splat_cloud import baked
 from desplat_ns.tools.loading import LoadedRun, load_run
-from desplat_ns.tools.scene.gather import (
-    AVERAGE,
-    light_of,
-    other_lights,
-    scene_of,
-)
+from desplat_ns.tools.scene.gather import AVERAGE, light_of, other_lights, scene_of
 from tests.helpers.small_model import held_out, model_with, moved
 
 pytestmark = pytest.mark.slow
