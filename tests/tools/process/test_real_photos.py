@@ -12,7 +12,6 @@ from lab.process import compare
 
 pytestmark = [pytest.mark.slow, pytest.mark.real_data]
 
-MODEL = Path("sparse", "0")
 CLOSE = 0.01
 """Of the longest distance between cameras: how far a centre may be from the known one."""
 
@@ -37,4 +36,4 @@ def test_of_two_places_the_one_with_more_photos_is_taken_and_the_other_named(
     assert sources == [photo.name for photo in others] and "another model of 8" in reason
     written = {path.name for path in (out / "images").iterdir()}
     assert written == {photo.name for photo in photos_of(fox, 0, 9)}
-    assert compare(out, fox / MODEL).largest < CLOSE
+    assert compare(out, fox / "sparse" / "0").largest < CLOSE
