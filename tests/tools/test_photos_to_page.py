@@ -14,7 +14,7 @@ from desplat_ns.training import preview
 from lab.synthetic import write_scene
 from tests.helpers.registered import EIGHT_VIEWS
 
-STEPS, STOPPED_AT = 60, 30
+STEPS, STOPPED_AT = 24, 12
 
 
 @pytest.fixture
