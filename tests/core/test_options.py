@@ -23,7 +23,6 @@ from tests.helpers.registered import set_up
         ("pipeline.model.sh_degree_interval", 0),
         ("pipeline.model.distractors.per_view", -1),
         ("pipeline.model.distractors.strong_excess", math.nan),
-        ("pipeline.model.distractors.strong_excess", math.nan),
         ("pipeline.model.distractors.strong_excess", -5.0),
         ("pipeline.model.distractors.lambda_d", math.nan),
         ("pipeline.model.distractors.lambda_s", -5.0),
