@@ -11,13 +11,7 @@ from PIL import Image
 
 from desplat_ns.core.console import time_in_words
 from desplat_ns.core.errors import ConfigError
-from desplat_ns.core.pages import (
-    LARGEST_SIDE,
-    Picture,
-    fitted_into,
-    template,
-    to_rgb8,
-)
+from desplat_ns.core.pages import LARGEST_SIDE, Picture, fitted_into, template, to_rgb8
 from lab.synthetic.textures import f32
 from tests.helpers.report import flat, noise
 
