@@ -1,11 +1,9 @@
 """The fitted light of photos is the one that they were taken in."""
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from nerfstudio.data.dataparsers.base_dataparser import DataparserOutputs
 
 from desplat_ns.survey.observations import Observations, View, observe
 from desplat_ns.survey.photo_light import fit_light
@@ -13,9 +11,7 @@ from lab.synthetic import DaylightSpec, make_scene
 
 
 @pytest.mark.slow
-def test_fitted_lights_are_those_that_the_photos_were_taken_in(
-    make_capture: Callable[..., DataparserOutputs], small_spec
-):
+def test_fitted_lights_are_those_that_the_photos_were_taken_in(make_capture, small_spec):
     daylight = DaylightSpec(sky=False)
     light = fit_light(observe(make_capture(daylight=daylight)))
     frames = make_scene(replace(small_spec, daylight=daylight)).clean
@@ -67,7 +63,7 @@ def test_a_light_that_creeps_along_a_walk_is_found_to_its_end():
     assert fitted[-1] - fitted[0] == pytest.approx(0.6, abs=0.1)
 
 
-def test_a_light_taken_back_gives_the_colour_under_the_mean_light(still: DataparserOutputs):
+def test_a_light_taken_back_gives_the_colour_under_the_mean_light(still):
     light = replace(fit_light(observe(still)), lens=-0.3)
     light.gains[0], light.gammas[0], light.vignetting[0] = [0.1, 0.0, -0.1], 1.3, -0.2
     true = np.array([[0.5, 0.25, 0.7]])

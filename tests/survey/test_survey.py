@@ -2,7 +2,6 @@
 
 import json
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -24,25 +23,19 @@ OFF = {"appearance": "off", "background": "off"}
 
 
 @pytest.mark.parametrize("cluttered", [False, True])
-def test_a_still_scene_in_one_light_needs_nothing_whoever_passes_by(
-    make_capture: Callable[..., DataparserOutputs], cluttered: bool
-):
+def test_a_still_scene_in_one_light_needs_nothing_whoever_passes_by(make_capture, cluttered):
     assert survey(make_capture(cluttered)).decisions() == OFF
 
 
 @pytest.mark.slow
-def test_exposure_and_white_balance_of_each_photo_are_a_matter_of_the_camera(
-    make_capture: Callable[..., DataparserOutputs],
-):
+def test_exposure_and_white_balance_of_each_photo_are_a_matter_of_the_camera(make_capture):
     result = survey(make_capture(daylight=DaylightSpec(sky=False)))
     assert result.decisions() == {**OFF, "appearance": "camera"}
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("strength", "degrees"), [(0.5, 120.0), (0.0, 80.0)])
-def test_a_sun_that_moves_is_a_matter_of_places(
-    make_capture: Callable[..., DataparserOutputs], strength: float, degrees: float
-):
+def test_a_sun_that_moves_is_a_matter_of_places(make_capture, strength, degrees):
     result = survey(make_capture(daylight=DaylightSpec(strength=strength, sky=False, sun=degrees)))
     assert result.appearance.decision == "affine"
 
@@ -52,9 +45,7 @@ def test_a_sun_that_moves_is_a_matter_of_places(
 @pytest.mark.parametrize(
     ("daylight", "decision"), [(None, "off"), (DaylightSpec(strength=0.8, sky=False), "camera")]
 )
-def test_gloss_and_fine_detail_are_no_light(
-    make_capture: Callable[..., DataparserOutputs], place: str, daylight, decision: str
-):
+def test_gloss_and_fine_detail_are_no_light(make_capture, place, daylight, decision):
     options = {"num_views": 18, "arc_degrees": 324.0, "wall_height": 5.0}
     result = survey(make_capture(place=place, daylight=daylight, **options)).appearance
     assert result.decision == decision
@@ -62,9 +53,7 @@ def test_gloss_and_fine_detail_are_no_light(
         assert result.figures["local"] < LOCAL_SHARE
 
 
-def test_what_was_pasted_over_photos_after_their_reconstruction_is_no_light(
-    make_capture: Callable[..., DataparserOutputs],
-):
+def test_what_was_pasted_over_photos_after_their_reconstruction_is_no_light(make_capture):
     pasted = replace(make_capture(), image_filenames=make_capture(cluttered=True).image_filenames)
     result, observations = survey(pasted), observe(pasted)
     light = fit_light(observations)
@@ -83,16 +72,14 @@ def test_what_was_pasted_over_photos_after_their_reconstruction_is_no_light(
         (DaylightSpec(strength=0.0), "image"),
     ],
 )
-def test_skies_are_told_apart(make_capture: Callable[..., DataparserOutputs], daylight, decision):
+def test_skies_are_told_apart(make_capture, daylight, decision):
     result = survey(make_capture(daylight=daylight, wall_height=2.0))
     assert result.decisions() == {**OFF, "background": decision}
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("cluttered", [False, True])
-def test_the_walls_behind_a_table_that_one_looks_down_on_are_no_sky(
-    make_capture: Callable[..., DataparserOutputs], cluttered: bool
-):
+def test_the_walls_behind_a_table_that_one_looks_down_on_are_no_sky(make_capture, cluttered):
     result = survey(make_capture(cluttered, place="table", arc_degrees=150.0))
     assert result.decisions() == OFF
 
@@ -110,7 +97,7 @@ def sky_masks(small_spec: SceneSpec) -> list[np.ndarray]:
     [(DaylightSpec(strength=0.0, sky=False, sun=80.0), "sh"), (None, "image")],
 )
 def test_a_sky_that_is_only_brighter_is_another_one_unless_light_changes_place_by_place(
-    make_capture: Callable[..., DataparserOutputs],
+    make_capture,
     sky_masks: list[np.ndarray],
     tmp_path: Path,
     daylight: DaylightSpec | None,
@@ -124,7 +111,7 @@ def test_a_sky_that_is_only_brighter_is_another_one_unless_light_changes_place_b
     assert survey(capture).background.decision == decision
 
 
-def test_json_is_plain_the_same_each_time_and_says_what_the_console_says(still: DataparserOutputs):
+def test_json_is_plain_the_same_each_time_and_says_what_the_console_says(still):
     result = survey(still)
     assert result.to_json() == survey(still).to_json()
     plain = json.loads(result.to_json())
@@ -151,23 +138,18 @@ def darkened(
         height, width = photo.shape[:2]
         places = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1) + 0.5
         rho2 = from_middle((width, height), places)[..., None]
-        write_image(
-            path, (photo * np.exp(-strength * rho2 ** (power / 2))).round().astype(np.uint8)
-        )
+        darker = photo * np.exp(-strength * rho2 ** (power / 2))
+        write_image(path, darker.round().astype(np.uint8))
     return capture
 
 
-def test_a_lens_that_darkens_only_the_corners_of_all_photos_is_found(
-    still: DataparserOutputs, tmp_path: Path
-):
+def test_a_lens_that_darkens_only_the_corners_of_all_photos_is_found(still, tmp_path):
     capture = darkened(still, tmp_path, 1, 4, 0.8)
     assert fit_light(observe(capture)).lens == pytest.approx(-0.8, abs=0.25)
     assert survey(capture).appearance.figures["local"] < 0.02
 
 
-def test_a_lens_that_darkens_corners_is_no_light_that_changes_place_by_place(
-    still: DataparserOutputs, tmp_path: Path
-):
+def test_a_lens_that_darkens_corners_is_no_light_that_changes_place_by_place(still, tmp_path):
     """Every other photo, as if with the aperture wide open: corners have half of their value."""
     capture = darkened(still, tmp_path, 2, 2, np.log(2))
     assert survey(capture).appearance.decision != "affine"
