@@ -46,8 +46,19 @@ def timed(tiny_run, tmp_path, monkeypatch) -> Any:
     return train
 
 
-def test_trial_steps_change_no_bit_of_what_is_trained(timed, monkeypatch):
+def assert_told(lines: str, steps: list[int]) -> None:
+    """What is left is said before the first step and then after these."""
+    assert "About 4 min on this machine for 24 steps." in lines
+    told = re.findall(r"Step (\d+) of 24, about (.*) left", lines)
+    assert [int(step) for step, *_ in told] == steps
+    for step, left in told:
+        assert seconds_of(left) == pytest.approx(SECONDS * (24 - int(step)), abs=15)
+
+
+def test_trial_steps_change_no_bit_and_time_is_told_each_minute(timed, monkeypatch, capsys):
+    monkeypatch.setattr(console, "TOLD_FROM", 60.0)
     with_trial = load_newest(timed().checkpoint_dir)[1]
+    assert_told(capsys.readouterr().out, [6, 12, 18])
     monkeypatch.setattr(trainer_module, "TIMED_FROM", 10**9)
     without = load_newest(timed("untimed").checkpoint_dir)[1]
     for state in (with_trial, without):
@@ -55,19 +66,7 @@ def test_trial_steps_change_no_bit_of_what_is_trained(timed, monkeypatch):
     assert_same(with_trial, without)
 
 
-@pytest.mark.parametrize(
-    ("tenths_from", "steps"),
-    [(60.0, [6, 12, 18]), (5.0, [2, 3, 5, 8, 10, 12, 15, 17, 20, 22])],
-    ids=["each minute", "each tenth"],
-)
-def test_time_is_told_before_the_first_step_and_then(
-    timed, tenths_from, steps, capsys, monkeypatch
-):
-    monkeypatch.setattr(console, "TOLD_FROM", tenths_from)
+def test_time_is_told_at_each_tenth_where_a_minute_is_longer(timed, monkeypatch, capsys):
+    monkeypatch.setattr(console, "TOLD_FROM", 5.0)
     timed()
-    lines = capsys.readouterr().out
-    assert "About 4 min on this machine for 24 steps." in lines
-    told = re.findall(r"Step (\d+) of 24, about (.*) left", lines)
-    assert [int(step) for step, *_ in told] == steps
-    for step, left in told:
-        assert seconds_of(left) == pytest.approx(SECONDS * (24 - int(step)), abs=15)
+    assert_told(capsys.readouterr().out, [2, 3, 5, 8, 10, 12, 15, 17, 20, 22])
