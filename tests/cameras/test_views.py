@@ -2,7 +2,7 @@
 
 import pytest
 import torch
-from nerfstudio.cameras.cameras import CameraType
+from nerfstudio.cameras.cameras import Cameras, CameraType
 
 from desplat_ns.backend.protocol import View
 from desplat_ns.cameras.views import resized, view_of
