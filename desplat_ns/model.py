@@ -201,13 +201,13 @@ class DeSplatModel(SplatfactoModel):
             strategy_info(static, view),
         )
         step = Step(self.nominal_step, RunStep(self.step), index, view, static)
+        self.train_step = step
         if self.distractors is not None and step.nominal >= self.distractors.config.warmup:
             self.distractors.views[index].begin_step(rates_at(step.nominal))
             # Poses are the static scene's to learn.
             step.distractors = self.draw_distractors(index, detached(view))
             if step.distractors is not None:
                 step.distractors.means2d.retain_grad()  # densification reads it
-        self.train_step = step
         return step
 
     def get_loss_dict(
