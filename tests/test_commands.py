@@ -32,9 +32,6 @@ def checkpoint(trained: Path) -> dict[str, Any]:
     return torch.load(path, map_location="cpu", weights_only=True)
 
 
-# --- ns-train -----------------------------------------------------------------------------------
-
-
 def test_a_checkpoint_holds_gaussians_and_their_scene_and_no_metric_network(checkpoint: dict):
     state = checkpoint["pipeline"]
     assert checkpoint["step"] == STEPS - 1
@@ -42,9 +39,6 @@ def test_a_checkpoint_holds_gaussians_and_their_scene_and_no_metric_network(chec
     assert state["_extra_state"]["effects"] == effects
     assert len(state["_extra_state"]["train_images"]) == NUM_TRAIN
     assert not [key for key in state if "lpips" in key]
-
-
-# --- ns-eval ------------------------------------------------------------------------------------
 
 
 def test_ns_eval_writes_every_figure(trained: Path, tmp_path: Path, checkpoint: dict):
@@ -103,9 +97,6 @@ def test_a_run_from_a_gpu_machine_is_evaluated_without_one(trained: Path, tmp_pa
     assert results["backend"] in ("numba", "torch")
 
 
-# --- ns-render ----------------------------------------------------------------------------------
-
-
 def test_every_output_of_both_splits_is_rendered(trained: Path, tmp_path: Path):
     DatasetRender(trained, output_path=tmp_path, split="train+test", image_format="png").main()
     for split, count in (("train", NUM_TRAIN), ("test", NUM_TEST)):
@@ -122,9 +113,6 @@ def test_every_output_of_both_splits_is_rendered(trained: Path, tmp_path: Path):
     }
     assert all(shown["train"])
     assert not any(shown["test"])
-
-
-# --- ns-export ----------------------------------------------------------------------------------
 
 
 def test_the_exported_splat_holds_the_static_gaussians_alone(

@@ -21,9 +21,6 @@ def _pair(seed: int = 0, height: int = 24, width: int = 31) -> tuple[torch.Tenso
     return (truth + noise).clamp(0, 1), truth
 
 
-# --- PSNR, SSIM ---------------------------------------------------------------------------------
-
-
 def test_an_error_of_a_tenth_everywhere_is_20_db():
     truth = torch.full((2, 3, 3), 0.5, dtype=torch.float64)
     assert psnr(truth + 0.1, truth) == pytest.approx(20.0, abs=1e-9)  # -10 log10(0.01)
@@ -54,9 +51,6 @@ def test_ssim_agrees_with_scikit_image():
     # float32 variances of order 0.1, from differences of squares summed over 121 weights, over
     # denominators that are at least as large: about 121 roundings of 6e-8.
     assert ssim(pred, truth) == pytest.approx(theirs, abs=121 * 6e-8)
-
-
-# --- LPIPS --------------------------------------------------------------------------------------
 
 
 def _planes(side: int = 64) -> tuple[torch.Tensor, torch.Tensor]:

@@ -21,9 +21,6 @@ RTOL = 16 * sys.float_info.epsilon
 """Logs, an exponential, a product and a quotient: a few roundings each."""
 
 
-# --- Adam ----------------------------------------------------------------------------------------
-
-
 def stepped(make: Any) -> torch.Tensor:
     rng = torch.Generator().manual_seed(3)
     parameter = nn.Parameter(torch.randn(50, 3, generator=rng))
@@ -39,9 +36,6 @@ def test_fused_steps_are_those_of_plain_adam():
     plain = stepped(lambda p: torch.optim.Adam(p, lr=0.05, eps=1e-9, weight_decay=0.1, fused=False))
     # Ten steps of at most lr, a few roundings each of numbers of order 1.
     assert torch.allclose(ours, plain, rtol=0, atol=10 * 8 * 2**-23)
-
-
-# --- rates ---------------------------------------------------------------------------------------
 
 
 def decay(**options: Any) -> ExponentialDecaySchedulerConfig:

@@ -92,8 +92,6 @@ def test_a_draft_that_fails_leaves_what_was_there(tmp_path: Path):
     assert list(tmp_path.iterdir()) == [path]
 
 
-# --- one process in a folder ---------------------------------------------------------------------
-
 HOLDING = """
 import sys
 from pathlib import Path

@@ -33,9 +33,6 @@ def names(parser: PhotoTourismDataParser, split: str) -> list[str]:
     return [path.name for path in parser.get_dataparser_outputs(split).image_filenames]
 
 
-# --- layouts ------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("images", "sparse"),
     [("dense/images", "dense/sparse"), ("dense/images", "dense/sparse/0"), ("images", "sparse")],
@@ -58,9 +55,6 @@ def test_photos_of_one_root_never_go_with_the_reconstruction_of_the_other(scene)
         parser_of(data).get_dataparser_outputs("train")
     named = parser_of(data, images_path=Path("images"))
     assert names(named, "train") == ["a.jpg", "b.jpg"]
-
-
-# --- split --------------------------------------------------------------------------------------
 
 
 def test_the_split_file_decides_and_test_stands_in_for_val(scene):
@@ -95,9 +89,6 @@ def test_without_a_split_file_photos_are_drawn_and_named(scene, capsys):
     assert capsys.readouterr().out.count(test[0]) == 1
 
 
-# --- photos -------------------------------------------------------------------------------------
-
-
 def test_by_default_each_photo_is_halved_until_it_is_small_enough(scene, photo_writer, capsys):
     data = scene()
     file = data / "dense" / "sparse" / "cameras.txt"
@@ -114,9 +105,6 @@ def test_by_default_each_photo_is_halved_until_it_is_small_enough(scene, photo_w
     assert dataset.get_data(0)["image"].shape == (1, 825, 3)
 
 
-# --- the rest is the colmap parser's ------------------------------------------------------------
-
-
 @pytest.mark.real_data
 def test_sacre_coeur_has_eight_photos_to_train_on_and_two_for_testing(data_folder):
     data = data_folder("sacre_coeur")
@@ -128,9 +116,6 @@ def test_sacre_coeur_has_eight_photos_to_train_on_and_two_for_testing(data_folde
     assert len(sizes.unique(dim=0)) == 8
     assert len(outputs.metadata["points3D_xyz"]) > 4000
     CaptureDataset(outputs).check_photos()
-
-
-# --- split files --------------------------------------------------------------------------------
 
 
 def table(path: Path, rows=ROWS, header: str = HEADER, encoding: str = "utf8") -> Path:
@@ -204,9 +189,6 @@ def test_a_file_that_is_not_utf8_or_not_there_says_so(file: Path, encoding: str)
         split_of(file, NAMES)
 
 
-# --- finding ------------------------------------------------------------------------------------
-
-
 def test_the_file_that_has_the_columns_is_found_whatever_its_name(tmp_path: Path):
     dense = tmp_path / "dense"
     dense.mkdir()
@@ -232,9 +214,6 @@ def test_none_or_several_that_fit_are_an_error_and_no_silent_draw(tmp_path: Path
         find_split_file([tmp_path])
 
 
-# --- matching -----------------------------------------------------------------------------------
-
-
 def test_photos_are_found_by_path_and_by_an_unambiguous_file_name(file: Path):
     rows = ("a.jpg\t1\ttest\tx", "x/b.jpg\t2\ttrain\tx", "c.jpg\t3\ttrain\tx")
     names = ["y/c.jpg", "x/b.jpg", "y/b.jpg", "a.jpg", "x/a.jpg", "unlisted.jpg"]
@@ -249,9 +228,6 @@ def test_photos_are_found_by_path_and_by_an_unambiguous_file_name(file: Path):
 def test_photos_that_the_reconstruction_lacks_are_left_out_and_named(file: Path, names, capsys):
     assert split_of(table(file), names) == ([len(names) - 1], [0])
     assert "1 of 2 photos" in (said := capsys.readouterr().out) and "b.jpg" in said
-
-
-# --- drawing ------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("n", [2, 3, 40])

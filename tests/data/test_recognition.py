@@ -48,9 +48,6 @@ def write_blender(data: Path, photo_writer, **changes: object) -> Path:
     return data
 
 
-# --- each layout ---------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("place", ["sparse", "sparse/0", "colmap/sparse/0"])
 def test_a_colmap_model_is_found_in_every_usual_place(tmp_path, model_writer, place: str):
     model_writer(tmp_path / place, ["a.png", "b.png"])
@@ -150,9 +147,6 @@ def test_the_words_that_are_given_are_understood(capture: Callable[..., Path]):
         assert parsed.load_3D_points
 
 
-# --- options -------------------------------------------------------------------------------------
-
-
 def test_what_is_given_comes_before_what_the_layout_asks_for(tmp_path, model_writer):
     model_writer(tmp_path / "sparse", ["a.png", "b.png"])
     (tmp_path / "images_4").mkdir()
@@ -168,9 +162,6 @@ def test_a_split_cannot_be_asked_for_where_the_layout_has_one(capture: Callable[
         recognise(data).config({"eval_mode": "all"})
     parser: Any = DeSplatColmapDataParserConfig(data=data, eval_mode="all").setup()
     assert len(parser.get_dataparser_outputs("train").image_filenames) == len(TWINS)
-
-
-# --- no capture ----------------------------------------------------------------------------------
 
 
 def test_photos_without_poses_are_told_where_poses_come_from(tmp_path, photo_writer):
@@ -195,9 +186,6 @@ def test_the_folder_of_captures_and_the_photos_of_one_lead_to_it(capture: Callab
     for folder in (data.parent, data / "images"):
         with pytest.raises(CaptureError, match=f"by --data: {data}"):
             recognise(folder)
-
-
-# --- real captures -------------------------------------------------------------------------------
 
 
 def test_nerf_synthetic_scenes_are_read_by_blender_data(tmp_path: Path, photo_writer):

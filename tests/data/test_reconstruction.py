@@ -208,9 +208,6 @@ def test_points_may_stand_in_a_ply(capture, form: str):
     assert [frame.name for frame in known.frames] == ["a.png", "b.png", "c.png"]
 
 
-# --- tracks --------------------------------------------------------------------------------------
-
-
 def tracks_of(folder: Path) -> reconstruction.Tracks:
     outputs = RobustNerfDataParserConfig(data=folder).setup().get_dataparser_outputs("train")
     return outputs.metadata[TRACKS]

@@ -70,9 +70,6 @@ def test_what_a_mask_leaves_out_does_not_reach_the_embedding(model):
     assert torch.equal(*fits)
 
 
-# --- scores ------------------------------------------------------------------------------
-
-
 def test_all_else_stays_bit_identical(model):
     before = {
         name: value.clone() for name, value in model.state_dict().items() if torch.is_tensor(value)

@@ -79,9 +79,6 @@ def inside(cells: np.ndarray) -> np.ndarray:
     return cells[15:25, 31:41]
 
 
-# --- one photo and others -------------------------------------------------------------------------
-
-
 def test_what_all_photos_show_is_explained_on_both_planes():
     photo, *others = photos_of(cameras(*ROW))
     left, _ = unexplained(photo, others, INVERSE_DEPTHS)
@@ -146,9 +143,6 @@ def test_a_cell_is_shown_if_the_mask_leaves_in_all_of_it():
     assert (shown[:44] == 255).all() and (shown[44:89] == 0).all() and (shown[89:] == 255).all()
     assert (cells[:44, :, :3] == 102).all()
     assert photo_to_sweep(photo, None).shape == (178, 178, 3)
-
-
-# --- the photos of a capture ----------------------------------------------------------------------
 
 
 def points() -> torch.Tensor:
@@ -259,9 +253,6 @@ def test_what_is_unexplained_does_not_depend_on_the_order_of_visits_and_is_found
     assert_same(one, left_in(other, 2))
     monkeypatch.setattr(sweep, "unexplained", None)
     assert ordered.unexplained(2) is one
-
-
-# --- the thread that sweeps ahead -----------------------------------------------------------------
 
 
 @pytest.fixture

@@ -210,9 +210,6 @@ def test_a_trained_run_whose_backend_cannot_draw_on_the_gpu_is_rendered_on_the_c
     assert "has no nvcc" in " ".join(capsys.readouterr().out.split())
 
 
-# --- checkpoints ---------------------------------------------------------------------------------
-
-
 def saved(**changes: Any) -> dict[str, Any]:
     """A checkpoint's pipeline state, whose static Gaussians all lie at 1."""
     pipeline = known_pipeline(**changes)

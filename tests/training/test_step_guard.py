@@ -63,9 +63,6 @@ def a_model() -> Any:
     return model
 
 
-# --- what is found ---------------------------------------------------------------------------
-
-
 def judged(gradient: torch.Tensor, loss: float = 1.0) -> bool:
     parameters = [torch.nn.Parameter(torch.zeros_like(gradient)), torch.nn.Parameter(torch.ones(7))]
     parameters[0].grad = gradient
@@ -80,9 +77,6 @@ def test_one_value_among_many_and_a_loss_are_found(value):
     gradient[41, 2] = value
     assert not judged(gradient)
     assert not judged(torch.ones(2, 3), loss=NAN)
-
-
-# --- a step of the model ---------------------------------------------------------------------
 
 
 @pytest.mark.slow
@@ -131,9 +125,6 @@ def test_a_photo_that_is_not_finite_leaves_nothing_behind(step):
     trainer.photo = sound
     trainer.visit(step + 1)
     assert torch.isfinite(trainer.model.strategy_state["usual_residual"]).all()
-
-
-# --- a run -----------------------------------------------------------------------------------
 
 
 def spoiled(config: Any, steps: Any, value: float = NAN) -> Any:

@@ -139,9 +139,6 @@ def test_masks_of_photos_in_folders_are_found_by_the_names_alone(photo_writer, t
     assert prepare_masks(tmp_path / "masks", photos, tmp_path / "w" / "masks") == 1
 
 
-# --- what is no perspective view -----------------------------------------------------------------
-
-
 def textured(height: int, width: int, seed: int = 0) -> np.ndarray:
     """Blots of all sizes; left and right edge continue each other."""
     rng, picture = np.random.default_rng(seed), np.zeros((height, width, 3), np.float32)

@@ -25,9 +25,6 @@ def findings_of(output: Path) -> dict[str, Any]:
     return json.loads((output / "process.json").read_text("utf8"))["findings"]
 
 
-# --- the whole way -------------------------------------------------------------------------------
-
-
 def test_plain_features_pose_all_photos_in_their_places(yard: Yard, tmp_path: Path):
     views = range(len(yard.pictures))
     photos, out = yard.write(tmp_path / "fotos über", views), tmp_path / "out"
@@ -170,9 +167,6 @@ def test_an_error_of_twice_the_usual_is_a_warning_and_nothing_to_train_with(
     lines = report_lines(Path("out"), {**found, "is_bent": model.is_bent})
     assert any(line.startswith("Warning") for line in lines) == is_bent
     assert any("ns-train" in line for line in lines) != is_bent
-
-
-# --- the record ----------------------------------------------------------------------------------
 
 
 def test_other_photos_or_options_are_listed_together(tmp_path: Path):

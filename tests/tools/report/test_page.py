@@ -79,9 +79,6 @@ def test_pictures_get_what_the_scene_leaves_of_the_page(monkeypatch):
     assert size("s" * (1_500_001 - alone)) < alone
 
 
-# --- notices --------------------------------------------------------------------------------------
-
-
 DISPUTED = Disputed(0.3, ["photo_1.png", "photo_2.png"], np.ones((4, 6), bool))
 
 

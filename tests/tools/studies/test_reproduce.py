@@ -126,9 +126,6 @@ def test_missing_scenes_name_their_folder_and_what_to_type(tmp_path: Path):
         find_contents(TABLES["A5"], tmp_path)
 
 
-# --- what is written -----------------------------------------------------------------------------
-
-
 def cells(scenes: int = 3, absent: tuple[str, int] = ("", 0)) -> dict[str, dict[str, Any]]:
     """Those of PSNR of two seeds of a method in A5, by scene."""
     psnr = {"Brandenburg Gate": 25.0, "Sacre Coeur": 20.0, "Trevi Fountain": 24.0}
@@ -158,9 +155,6 @@ def test_the_page_has_ours_the_papers_and_the_difference(made, tmp_path: Path):
     assert len(content["cells"]) == 2 * 2 * 12 and content["smoke"] is False
     assert content["conditions"]["seeds"] == [42, 43]
     assert content["conditions"]["devices"] == ["a device"]
-
-
-# --- the paper -----------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("table", TABLES.values(), ids=TABLES)

@@ -84,9 +84,6 @@ def test_runs_that_do_not_fit_are_passed_over_and_asked_for_late(first: Run):
     assert next(again, None) is None, "the time is looked at when a run is asked for"
 
 
-# --- sessions ------------------------------------------------------------------------------------
-
-
 @dataclass
 class Time:
     """A clock that made-up runs set forward."""
