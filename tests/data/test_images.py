@@ -2,7 +2,6 @@
 
 import os
 import struct
-from io import BytesIO
 from pathlib import Path
 
 import cv2
@@ -16,10 +15,6 @@ from desplat_ns.data import images
 from desplat_ns.data.images import image_size, read_gt_mask, read_image, read_mask, resize_image
 
 
-def noise(height: int, width: int, channels: int = 3, seed: int = 0) -> np.ndarray:
-    return np.random.default_rng(seed).integers(0, 256, (height, width, channels), dtype=np.uint8)
-
-
 def test_samples_of_16_bits_are_divided_by_257_and_rounded(tmp_path: Path):
     # 65535 = 255 * 257; 257 k + 128 lies below the middle of k and k + 1, 257 k + 129 above it.
     samples = np.array([[0, 257, 257 * 100 + 128, 257 * 100 + 129, 65535]], dtype=np.uint16)
@@ -28,9 +23,9 @@ def test_samples_of_16_bits_are_divided_by_257_and_rounded(tmp_path: Path):
 
 
 def test_a_header_that_says_too_much_is_refused_before_pixels_take_memory(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, photo_writer, monkeypatch: pytest.MonkeyPatch
 ):
-    Image.fromarray(noise(64, 64)).save(tmp_path / "a.png")
+    photo_writer(tmp_path / "a.png", 64, 64)
     (tmp_path / "a.png").write_bytes((tmp_path / "a.png").read_bytes()[:99])  # nothing to decode
     monkeypatch.setattr(images, "MOST_PIXELS", 64 * 64 - 1)
     for read in (read_image, image_size, read_mask):
@@ -39,10 +34,11 @@ def test_a_header_that_says_too_much_is_refused_before_pixels_take_memory(
 
 
 @pytest.mark.parametrize("width", [20_000, 65_000])
-def test_a_jpeg_that_says_too_much_is_refused_by_its_size_or_its_bytes(tmp_path: Path, width: int):
-    content = BytesIO()
-    Image.fromarray(noise(64, 64)).save(content, "JPEG")
-    before, after = content.getvalue().split(b"\xff\xc0\x00\x11\x08", 1)
+def test_a_jpeg_that_says_too_much_is_refused_by_its_size_or_its_bytes(
+    tmp_path: Path, photo_writer, width: int
+):
+    photo_writer(tmp_path / "a.jpg", 64, 64)
+    before, after = (tmp_path / "a.jpg").read_bytes().split(b"\xff\xc0\x00\x11\x08", 1)
     size = struct.pack(">HH", 20_000, width)
     (tmp_path / "a.jpg").write_bytes(before + b"\xff\xc0\x00\x11\x08" + size + after[4:])
     for read in (read_image, image_size):
@@ -64,9 +60,9 @@ def test_pipes_names_that_are_no_text_and_integers_of_32_bits_are_refused(tmp_pa
     assert read_mask(tmp_path / "int.tif").all()
 
 
-def test_a_photo_that_ends_in_its_header_or_is_missing_is_named(tmp_path: Path):
+def test_a_photo_that_ends_in_its_header_or_is_missing_is_named(tmp_path: Path, photo_writer):
     path = tmp_path / "broken.jpg"
-    Image.fromarray(noise(64, 64)).save(path)
+    photo_writer(path, 64, 64)
     path.write_bytes(path.read_bytes()[:40])
     for _ in range(2):
         with pytest.raises(CaptureError, match=r"broken\.jpg"):

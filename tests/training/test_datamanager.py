@@ -36,12 +36,6 @@ def manager(dataparser, test_mode: str = "val", **options) -> DeSplatDataManager
     return config.setup(device="cpu", test_mode=test_mode)
 
 
-@pytest.fixture
-def copy(tiny_scene, tmp_path: Path) -> Path:
-    """The tiny scene (6 clean, 6 clutter, 2 extra) in a folder that may be changed."""
-    return Path(shutil.copytree(tiny_scene.folder, tmp_path / "scene"))
-
-
 def test_training_cameras_say_which_view_they_are(tiny_scene):
     data = manager(RobustNerfDataParserConfig(data=tiny_scene.folder))
     indices = set()
@@ -58,15 +52,15 @@ def test_training_cameras_say_which_view_they_are(tiny_scene):
 
 
 @pytest.mark.parametrize("color", [0, 255])
-def test_points_of_one_colour_start_in_those_of_the_photos(copy: Path, capsys, color: int):
+def test_points_of_one_colour_start_in_those_of_the_photos(tiny_copy: Path, capsys, color: int):
     def colors(**options) -> torch.Tensor:
-        data = manager(RobustNerfDataParserConfig(data=copy), **options)
+        data = manager(RobustNerfDataParserConfig(data=tiny_copy), **options)
         return data.train_dataparser_outputs.metadata["points3D_rgb"]
 
     own = colors()
     assert "points have no colours" not in capsys.readouterr().out
-    points = copy / "sparse" / "0" / "points3D.txt"
-    model = pycolmap.Reconstruction(copy / "sparse" / "0")
+    points = tiny_copy / "sparse" / "0" / "points3D.txt"
+    model = pycolmap.Reconstruction(tiny_copy / "sparse" / "0")
     for point in model.points3D.values():
         point.color = np.full(3, color, np.uint8)
     model.write_binary(points.parent)
@@ -112,72 +106,72 @@ def test_a_restored_sampler_goes_on_in_the_same_order(tiny_scene, tmp_path: Path
     assert [other.next_train(step)[1]["image_idx"] for step in range(20)] == expected
 
 
-def test_one_training_photo_is_an_error(copy: Path):
-    (copy / "train_list.txt").write_text(next((copy / "images").glob("clutter_*")).name)
-    (copy / "test_list.txt").write_text(next((copy / "images").glob("extra_*")).name)
+def test_one_training_photo_is_an_error(tiny_copy: Path):
+    (tiny_copy / "train_list.txt").write_text(next((tiny_copy / "images").glob("clutter_*")).name)
+    (tiny_copy / "test_list.txt").write_text(next((tiny_copy / "images").glob("extra_*")).name)
     with pytest.raises(CaptureError, match="has 1 training photos; two or more"):
-        manager(DeSplatColmapDataParserConfig(data=copy))
+        manager(DeSplatColmapDataParserConfig(data=tiny_copy))
 
 
-def test_no_evaluation_photo_is_an_error(copy: Path):
-    write_transforms(copy, sorted(path.name for path in (copy / "images").iterdir()), **LENS)
+def test_no_evaluation_photo_is_an_error(tiny_copy: Path):
+    write_transforms(tiny_copy, sorted(os.listdir(tiny_copy / "images")), **LENS)
     with pytest.raises(CaptureError, match="--eval-mode"):
-        manager(NerfstudioDataParserConfig(data=copy, train_split_fraction=1.0))
+        manager(NerfstudioDataParserConfig(data=tiny_copy, train_split_fraction=1.0))
 
 
 LENS = {"fl_x": 50, "fl_y": 50, "cx": 24, "cy": 16, "w": 48, "h": 32}
 """Of the tiny scene, as transforms.json has it."""
 
 
-def held_out_and_trained(copy: Path, kind: str) -> Any:
+def held_out_and_trained(tiny_copy: Path, kind: str) -> Any:
     """A capture of which clutter_0001.png, or its bytes, is in both splits."""
-    names = sorted(path.name for path in (copy / "images").glob("clutter_*"))
-    extra = next((copy / "images").glob("extra_*"))
+    names = sorted(path.name for path in (tiny_copy / "images").glob("clutter_*"))
+    extra = next((tiny_copy / "images").glob("extra_*"))
     if kind in ("lists", "test list only"):
-        (copy / "train_list.txt").write_text("\n".join(names))
-        (copy / "test_list.txt").write_text(f"{extra.name}\n{names[0]}")
+        (tiny_copy / "train_list.txt").write_text("\n".join(names))
+        (tiny_copy / "test_list.txt").write_text(f"{extra.name}\n{names[0]}")
         if kind == "test list only":
-            (copy / "val_list.txt").write_text(extra.name)
-        return DeSplatColmapDataParserConfig(data=copy)
+            (tiny_copy / "val_list.txt").write_text(extra.name)
+        return DeSplatColmapDataParserConfig(data=tiny_copy)
     if kind in ("copy", "link"):
         extra.unlink()
-        (shutil.copy if kind == "copy" else os.symlink)(copy / "images" / names[0], extra)
-        return RobustNerfDataParserConfig(data=copy)
+        (shutil.copy if kind == "copy" else os.symlink)(tiny_copy / "images" / names[0], extra)
+        return RobustNerfDataParserConfig(data=tiny_copy)
     if kind == "split.json":
-        write_transforms(copy, names, **LENS)
-        (copy / "split.json").write_text('{"clutter": [0, 1, 2, 3], "extra": [0]}')
-        return OnTheGoDataParserConfig(data=copy, colmap_path=Path("none"))
+        write_transforms(tiny_copy, names, **LENS)
+        (tiny_copy / "split.json").write_text('{"clutter": [0, 1, 2, 3], "extra": [0]}')
+        return OnTheGoDataParserConfig(data=tiny_copy, colmap_path=Path("none"))
     if kind == "transforms lists":
         lists = {"train_filenames": names, "test_filenames": [names[0]]}
         lists = {key: [f"./images/{name}" for name in value] for key, value in lists.items()}
-        write_transforms(copy, names, **LENS, **lists, val_filenames=[f"images/{names[0]}"])
-        return NerfstudioDataParserConfig(data=copy)
+        write_transforms(tiny_copy, names, **LENS, **lists, val_filenames=[f"images/{names[0]}"])
+        return NerfstudioDataParserConfig(data=tiny_copy)
     if kind == "frame twice":
-        write_transforms(copy, [*names, names[0]], **LENS)
-        return NerfstudioDataParserConfig(data=copy, eval_mode="interval", eval_interval=7)
+        write_transforms(tiny_copy, [*names, names[0]], **LENS)
+        return NerfstudioDataParserConfig(data=tiny_copy, eval_mode="interval", eval_interval=7)
     for split, listed in (("train", names), ("val", [extra.name]), ("test", names[:1])):
         frames = [posed(f"images/{name[:-4]}", i) for i, name in enumerate(listed)]
         meta = json.dumps({"camera_angle_x": 0.9, "frames": frames})
-        (copy / f"transforms_{split}.json").write_text(meta)
-    return BlenderDataParserConfig(data=copy)
+        (tiny_copy / f"transforms_{split}.json").write_text(meta)
+    return BlenderDataParserConfig(data=tiny_copy)
 
 
 KINDS = ("lists", "test list only", "copy", "link", "split.json", "transforms lists", "frame twice")
 
 
 @pytest.mark.parametrize("kind", [*KINDS, "blender"])
-def test_photos_that_train_and_are_held_out_are_refused_whatever_lists_them(copy: Path, kind: str):
-    parser = held_out_and_trained(copy, kind)
+def test_photos_that_train_and_are_held_out_are_refused_whatever_lists_them(tiny_copy: Path, kind):
+    parser = held_out_and_trained(tiny_copy, kind)
     with pytest.raises(CaptureError, match=r"1 of \d held-out .*clutter_0001\.png"):
         manager(parser)
 
 
-def test_a_trained_run_and_one_that_is_asked_for_all_photos_are_warned(copy: Path, capsys):
-    manager(held_out_and_trained(copy, "lists"), test_mode="test")
+def test_a_trained_run_and_one_that_is_asked_for_all_photos_are_warned(tiny_copy: Path, capsys):
+    manager(held_out_and_trained(tiny_copy, "lists"), test_mode="test")
     assert "1 of 2 held-out photos" in capsys.readouterr().out
-    (copy / "train_list.txt").unlink()
-    (copy / "test_list.txt").unlink()
-    manager(DeSplatColmapDataParserConfig(data=copy, eval_mode="all"))
+    (tiny_copy / "train_list.txt").unlink()
+    (tiny_copy / "test_list.txt").unlink()
+    manager(DeSplatColmapDataParserConfig(data=tiny_copy, eval_mode="all"))
     assert "14 of 14 held-out photos" in capsys.readouterr().out
 
 
@@ -188,10 +182,10 @@ def test_a_capture_that_is_not_there_is_named_with_the_option(tmp_path: Path):
     assert "COLMAP" not in str(error.value)
 
 
-def test_distorted_photos_are_undistorted_as_upstream(copy: Path):
-    plain = manager(RobustNerfDataParserConfig(data=copy)).next_train(0)[1]
-    distort(copy)
-    data = manager(RobustNerfDataParserConfig(data=copy))
+def test_distorted_photos_are_undistorted_as_upstream(tiny_copy: Path):
+    plain = manager(RobustNerfDataParserConfig(data=tiny_copy)).next_train(0)[1]
+    distort(tiny_copy)
+    data = manager(RobustNerfDataParserConfig(data=tiny_copy))
     batch = data.next_train(0)[1]
     index = batch["image_idx"]
     assert index == plain["image_idx"]

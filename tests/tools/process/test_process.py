@@ -17,7 +17,8 @@ from desplat_ns.tools.process.photos import Photo
 from desplat_ns.tools.process.process import is_made, report_lines
 from desplat_ns.tools.process.reconstruction import Attempt, Model
 from desplat_ns.tools.process.request import Request
-from tests.helpers.yard import CLOSE, EDGE, Yard, places_of, view_of, write_mask_of_the_mark
+from tests.helpers.report import noise
+from tests.helpers.yard import CLOSE, EDGE, SIZE, Yard, places_of, view_of, write_mask_of_the_mark
 
 
 def findings_of(output: Path) -> dict[str, Any]:
@@ -63,9 +64,7 @@ def test_thorough_features_stay_off_what_a_mask_blackens_and_pose_all_photos(
     assert yard.farthest(out / "sparse" / "0", names) < CLOSE
 
 
-def test_the_frames_of_a_video_have_their_places(
-    yard: Yard, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
+def test_the_frames_of_a_video_have_their_places(yard: Yard, tmp_path: Path, monkeypatch):
     """The camera looks at one middle, so that the picture moves little from view to view."""
     monkeypatch.setattr(video, "LEAST_GAP", video.STEP)
     film, out = yard.film(tmp_path / "walk.mp4"), tmp_path / "out"
@@ -74,18 +73,13 @@ def test_the_frames_of_a_video_have_their_places(
     assert yard.farthest(out / "sparse" / "0", views) < CLOSE
 
 
-def noise(seed: int, height: int = 60, width: int = 80) -> np.ndarray:
-    """A picture with detail everywhere and nothing in common with another seed's."""
-    return np.random.default_rng(seed).integers(0, 256, (height, width, 3), np.uint8)
-
-
 @pytest.mark.parametrize("kind", ["noise", "bare", "tiny", "one place"])
 def test_photos_that_share_nothing_or_one_place_are_refused(tmp_path: Path, yard: Yard, kind: str):
     (tmp_path / "photos").mkdir()
     for i in range(4):
         bare = np.full((60, 80, 3), 60 * i, np.uint8)
-        same = yard.pictures[0] + noise(i, *yard.pictures[0].shape[:2]) // 64
-        kinds = {"noise": noise(i, 120, 160), "bare": bare, "tiny": noise(i, 1, 2)}
+        same = yard.pictures[0] + noise(i, *SIZE) // 64
+        kinds = {"noise": noise(i, 160, 120), "bare": bare, "tiny": noise(i, 2, 1)}
         pixels = kinds.get(kind, same.astype(np.uint8))
         PIL.Image.fromarray(pixels).save(tmp_path / "photos" / f"{i}.png")
     said = "camera does not move" if kind == "one place" else r"0\.png"
@@ -126,12 +120,7 @@ BENT, FEWER = replace(GOOD, error=0.8), replace(GOOD, photos=COPIES[:8])
     ],
 )
 def test_where_focal_lengths_of_exif_do_harm_they_are_named_and_left_out(
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-    with_exif: Model,
-    without: Model,
-    taken: str,
+    tmp_path: Path, monkeypatch, capsys, with_exif: Model, without: Model, taken: str
 ):
     photos = [
         Photo(copy, copy, copy, width=400, height=300, sharpness=9.0, camera="A", focal_35mm=135.0)
@@ -145,9 +134,7 @@ def test_where_focal_lengths_of_exif_do_harm_they_are_named_and_left_out(
     assert len(asked) == (1 if with_exif is GOOD else 2)
 
 
-def test_two_photos_with_a_pose_are_no_capture(
-    photo_writer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
+def test_two_photos_with_a_pose_are_no_capture(photo_writer, tmp_path: Path, monkeypatch):
     for seed in range(3):
         photo_writer(tmp_path / "photos" / f"{seed}.png", 60, 40, seed=seed)
     attempts(monkeypatch, GOOD, replace(GOOD, photos=COPIES[:2]))
