@@ -138,19 +138,18 @@ class Distractors(nn.Module):
             sigmoid(opacities.detach()[:, 0]),
         )
         residual_medians = medians_in(state, len(opacities), photo.device)
-        judged = counted
+        judged, by = counted, self.thresholds
         if self.background == "image":
             scene = ~own_sky(photo, step.static.alpha)
             judged = scene if counted is None else scene & counted
+            by = replace(by, small_window=by.outline_window)  # strips along a sky are no things
         comparison, step.residual_medians = compare(photo, static, residual_medians, judged)
         is_warmup = step.nominal < self.config.warmup
         if is_warmup or not self.sweep.is_ready(step.index, photo.device):
             return  # in the latter case its next visit looks again
         comparison = replace(comparison, counted=counted)  # skies within a thing's outline are it
         step.regions = decide(
-            comparison,
-            lambda: self.sweep.unexplained(step.index, photo.device),
-            self.thresholds,
+            comparison, lambda: self.sweep.unexplained(step.index, photo.device), by
         )
 
     def remember(self, step: Step, state: dict[str, Any]) -> None:

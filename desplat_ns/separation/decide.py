@@ -51,6 +51,8 @@ class Thresholds:
     """
     outline_window: int = 13
     """Cells (an odd number) over which a region is explained by the photo's colours."""
+    small_window: int = 5
+    """The same for a region of less than half of that window's cells, which it would vote down."""
     outline_noise: float = 1e-4
     """Variance of colours that is no edge."""
 
@@ -116,8 +118,10 @@ def decide(
     has_foreign_detail = pooled(alike[..., None], grid)[0] <= by.shared_detail
     weak = (evidence > by.weak) & has_foreign_detail
     colors = pooled(comparison.photo.permute(1, 2, 0), grid)
-    regions = along_edges(outlier_regions(weak, strong & has_foreign_detail), colors, by)
-    return regions if counted is None else regions & counted
+    regions = outlier_regions(weak, strong & has_foreign_detail, large=by.outline_window**2 // 2)
+    large = along_edges(regions[0], colors, by.outline_window, by.outline_noise)
+    small = along_edges(regions[1], colors, by.small_window, by.outline_noise)
+    return large | small if counted is None else (large | small) & counted
 
 
 # --- colours --------------------------------------------------------------------------------------
@@ -236,21 +240,27 @@ def shared_detail(
 
 
 def outlier_regions(
-    weak: Bool[Tensor, "rows columns"], strong: Bool[Tensor, "rows columns"]
-) -> Bool[Tensor, "rows columns"]:
+    weak: Bool[Tensor, "rows columns"], strong: Bool[Tensor, "rows columns"], large: int
+) -> Bool[Tensor, "2 rows columns"]:
     """Connected cells that stand out at least weakly, one of them strongly, found on the host; gaps
     are closed and holes filled. What is in the way is in places coloured like what it covers, and
-    noise above the lower threshold alone is no reason.
+    noise above the lower threshold alone is no reason. First those of at least `large` cells, then
+    the smaller.
 
     Source: hysteresis of Canny 1986. OpenCV takes a quarter of the time of SciPy here.
     """
     weak_, strong_ = masks_to_host(weak, strong)
-    # cells touch by a side or a corner; labels of weak ones are from 1 on
-    parts: tuple[int, np.ndarray] = cv2.connectedComponents(weak_.astype(np.uint8), connectivity=8)
-    count, labels = parts
-    keep = np.zeros(count, bool)
-    keep[labels[strong_]] = True
-    return to_device(_without_holes(_closed(keep[labels] & (labels > 0))), weak.device)
+    labels = _parts(weak_)
+    found = np.isin(labels, labels[strong_ & weak_])
+    labels = _parts(_without_holes(_closed(found)))
+    is_large = np.bincount(labels.ravel())[labels] >= large
+    return to_device(np.stack([is_large, ~is_large]) & (labels > 0), weak.device)
+
+
+def _parts(mask: np.ndarray) -> np.ndarray:
+    """Numbers, from 1 on, of the parts whose cells touch by a side or a corner; 0 elsewhere."""
+    parts: tuple[int, np.ndarray] = cv2.connectedComponents(mask.astype(np.uint8), connectivity=8)
+    return parts[1]
 
 
 def _closed(mask: np.ndarray) -> np.ndarray:
@@ -270,9 +280,10 @@ def _without_holes(mask: np.ndarray) -> np.ndarray:
 def along_edges(
     regions: Bool[Tensor, "rows columns"],
     colors: Float[Tensor, "3 rows columns"],
-    by: Thresholds = Thresholds(),
+    window: int = Thresholds.outline_window,
+    noise: float = Thresholds.outline_noise,
 ) -> Bool[Tensor, "rows columns"]:
-    """The regions, each cell given to the side whose colours it has.
+    """The regions, each cell given to the side whose colours it has in a window of so many cells.
 
     Residuals are averaged over some cells, so a region found in them ends some cells beyond the
     thing that it is for. Around each cell the regions are fitted by a linear function of the
@@ -282,14 +293,14 @@ def along_edges(
     """
     colors = colors.double()  # grey surroundings make the systems below nearly singular
     inside = regions.to(colors)
-    guide = window_means(colors, by.outline_window)
-    target = window_means(inside[None], by.outline_window)[0]
+    guide = window_means(colors, window)
+    target = window_means(inside[None], window)[0]
     products = (colors[:, None] * colors).flatten(0, 1)
-    products = window_means(products, by.outline_window).unflatten(0, (3, 3))
+    products = window_means(products, window).unflatten(0, (3, 3))
     covariance = (products - guide[:, None] * guide).permute(2, 3, 0, 1)
-    covariance = covariance + by.outline_noise * torch.eye(3).to(colors)
-    both = window_means(colors * inside, by.outline_window) - guide * target
+    covariance = covariance + noise * torch.eye(3).to(colors)
+    both = window_means(colors * inside, window) - guide * target
     slope = torch.linalg.solve_ex(covariance, both.permute(1, 2, 0))[0].permute(2, 0, 1)
     offset = target - (slope * guide).sum(dim=0)
-    fitted = window_means(torch.cat([slope, offset[None]]), by.outline_window)
+    fitted = window_means(torch.cat([slope, offset[None]]), window)
     return (fitted[:3] * colors).sum(dim=0) + fitted[3] > 0.5

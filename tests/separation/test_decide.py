@@ -3,13 +3,13 @@
 import pytest
 import torch
 
-from desplat_ns.separation.decide import along_edges, outlier_regions, own_colors
+from desplat_ns.separation.decide import Thresholds, along_edges, outlier_regions, own_colors
 
 WEAK, STRONG = 0.1, 0.5
 
 
 def regions(excess: torch.Tensor) -> torch.Tensor:
-    return outlier_regions(excess > WEAK, excess > STRONG)
+    return outlier_regions(excess > WEAK, excess > STRONG, large=0)[0]
 
 
 def block(*boxes: tuple[int, int, int, int], value: float = 0.2) -> torch.Tensor:
@@ -84,3 +84,14 @@ def test_one_that_is_too_narrow_comes_nearer_to_it_and_never_leaves_it():
     outline = along_edges(narrow, colors)
     assert not (outline & ~thing).any()
     assert (thing & ~outline).sum() < 0.5 * (thing & ~narrow).sum()
+
+
+def test_a_person_of_a_few_cells_is_judged_by_less_of_what_is_around_it():
+    person, box = block((10, 16, 20, 24), value=1.0), block((20, 35, 10, 40), value=1.0)
+    both = (person + box) > WEAK
+    large, small = outlier_regions(both, both, large=Thresholds.outline_window**2 // 2)
+    assert torch.equal(large, box > WEAK)
+    assert torch.equal(small, person > WEAK)
+    colors = torch.rand(3, 40, 50, generator=torch.Generator().manual_seed(0))  # tell nothing apart
+    assert not along_edges(small, colors).any()
+    assert along_edges(small, colors, Thresholds.small_window).any()
