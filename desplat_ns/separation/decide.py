@@ -119,9 +119,11 @@ def decide(
     weak = (evidence > by.weak) & has_foreign_detail
     colors = pooled(comparison.photo.permute(1, 2, 0), grid)
     regions = outlier_regions(weak, strong & has_foreign_detail, large=by.outline_window**2 // 2)
-    large = along_edges(regions[0], colors, by.outline_window, by.outline_noise)
-    small = along_edges(regions[1], colors, by.small_window, by.outline_noise)
-    return large | small if counted is None else (large | small) & counted
+    found = torch.zeros_like(strong)
+    for part, window in zip(regions, (by.outline_window, by.small_window), strict=True):
+        if part is not None:
+            found |= along_edges(part, colors, window, by.outline_noise)
+    return found if counted is None else found & counted
 
 
 # --- colours --------------------------------------------------------------------------------------
@@ -241,11 +243,11 @@ def shared_detail(
 
 def outlier_regions(
     weak: Bool[Tensor, "rows columns"], strong: Bool[Tensor, "rows columns"], large: int
-) -> Bool[Tensor, "2 rows columns"]:
+) -> list[Bool[Tensor, "rows columns"] | None]:
     """Connected cells that stand out at least weakly, one of them strongly, found on the host; gaps
     are closed and holes filled. What is in the way is in places coloured like what it covers, and
     noise above the lower threshold alone is no reason. First those of at least `large` cells, then
-    the smaller.
+    the smaller; None for none.
 
     Source: hysteresis of Canny 1986. OpenCV takes a quarter of the time of SciPy here.
     """
@@ -254,7 +256,8 @@ def outlier_regions(
     found = np.isin(labels, labels[strong_ & weak_])
     labels = _parts(_without_holes(_closed(found)))
     is_large = np.bincount(labels.ravel())[labels] >= large
-    return to_device(np.stack([is_large, ~is_large]) & (labels > 0), weak.device)
+    both = (labels > 0) & is_large, (labels > 0) & ~is_large
+    return [to_device(part, weak.device) if part.any() else None for part in both]
 
 
 def _parts(mask: np.ndarray) -> np.ndarray:
