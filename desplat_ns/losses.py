@@ -60,16 +60,15 @@ def photometric_losses(
 
 
 def distractor_opacity_loss(
-    alpha_d: Float[Tensor, "H W 1"], free: Float[Tensor, "H W 1"] | None = None
+    alpha_d: Float[Tensor, "H W 1"], in_region: Float[Tensor, "H W 1"] | None = None
 ) -> Float[Tensor, ""]:
-    """Mean opacity of the distractors, in [0, 1]: a price on what they explain. `free` is 1 in
-    pixels where opacity costs nothing, 0 in others.
+    """Mean opacity of the distractors, in [0, 1]: a price on what they explain. In pixels where
+    `in_region` is 1 instead of 0 their transparency counts.
 
-    Source: Eq. 5, the term weighted by lambda_d; `free` is ours (docs/explain/separation.md).
+    Source: Eq. 5, the term weighted by lambda_d; `in_region` is ours
+    (docs/explain/separation.md).
     """
-    if free is None:
-        return alpha_d.mean()
-    return torch.dot(alpha_d.flatten(), (1 - free).flatten()) / alpha_d.numel()
+    return alpha_d.mean() if in_region is None else F.l1_loss(alpha_d, in_region)
 
 
 def static_transparency_loss(

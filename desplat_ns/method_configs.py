@@ -78,7 +78,6 @@ def separating_distractors() -> DistractorConfig:
     docs/results/quality.md how well."""
     return DistractorConfig(
         start="residual",
-        per_view=4000,
         static_alone=True,
         static_warmup=None,
         lambda_d=0.1,

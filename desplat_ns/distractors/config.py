@@ -49,7 +49,7 @@ class DistractorConfig:
     """Distractor Gaussians."""
 
     per_view: int = ranged(1000, "[0, inf)")
-    """Distractor Gaussians that cover one training view. B.3."""
+    """Distractor Gaussians that cover one training view, with `start` everywhere. B.3."""
     start: Literal["everywhere", "residual"] = "everywhere"
     """Where distractors start: spread over every view and refined by Splatfacto's rules, as in the
     paper; or, visit by visit, where a photo shows what the other views do not, and only there."""
@@ -65,7 +65,7 @@ class DistractorConfig:
     own, as long as the static set grows: what most photos of a place show is then learned, although
     they leave it out."""
     lambda_d: float = ranged(0.01, "[0, inf)")
-    """Weight of the mean distractor opacity, Eq. 5. B.3."""
+    """Weight of the mean distractor opacity, Eq. 5, in regions of transparency. B.3."""
     lambda_s: float = ranged(0.01, "[0, inf)")
     """Weight of the mean transparency of the static scene, Eq. 5. B.3. If there is a background it
     counts as 0 (B.3, Photo Tourism); with static_alone and a background that all photos share, it

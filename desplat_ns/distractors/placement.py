@@ -70,29 +70,20 @@ def placement(
     means: Float[Tensor, "N 3"],
     config: DistractorConfig,
 ) -> tuple[Tensor, dict[str, Tensor]] | None:
-    """Which of a view's distractors stay, as numbers of rows, and new ones; None for no change.
-    `regions`: where distractors belong, on the grid of `grid_of`."""
-    stays = lie_in(regions, means, view)
-    stays, uncovered = masks_to_host(stays, uncovered_cells(regions, alpha_d, config))
+    """Which of a view's distractors stay, as numbers of rows, and new ones, one in each cell of
+    `regions` that is not half covered; None for no change. `regions`: where distractors belong, on
+    the grid of `grid_of`."""
+    rows, columns = regions.shape
+    uncovered = regions & (pooled(alpha_d, (columns, rows))[0] < 0.5)
+    stays, uncovered = masks_to_host(lie_in(regions, means, view), uncovered)
     if stays.all() and not uncovered.any():
         return None
     kept = to_device(np.flatnonzero(stays), photo.device)
     return kept, distractors_in(uncovered, view, photo, config)
 
 
-def uncovered_cells(
-    regions: Bool[Tensor, "rows columns"], alpha_d: Float[Tensor, "H W 1"], config: DistractorConfig
-) -> Bool[Tensor, "grid_rows grid_columns"]:
-    """Cells of a grid of `config.per_view` that are half in a region, and not half covered."""
-    height, width = alpha_d.shape[:2]
-    grid = grid_of(width, height, max(1, config.per_view))
-    inside = pooled(regions[..., None].to(torch.float32), grid)[0]
-    covered = pooled(alpha_d.detach(), grid)[0]
-    return (inside >= 0.5) & (covered < 0.5)
-
-
 def distractors_in(
-    cells: Bool[np.ndarray, "grid_rows grid_columns"],
+    cells: Bool[np.ndarray, "rows columns"],
     view: View,
     photo: Float[Tensor, "H W 3"],
     config: DistractorConfig,
@@ -103,7 +94,7 @@ def distractors_in(
     x = (column + 0.5) * view.width / columns
     y = (row + 0.5) * view.height / rows
     colors = pooled(photo, (columns, rows))[:, row, column].T.contiguous()
-    return distractors_at(view, config, torch.stack([x, y], dim=-1), colors)
+    return distractors_at(view, cells.size, config, torch.stack([x, y], dim=-1), colors)
 
 
 def lie_in(

@@ -117,25 +117,27 @@ def fill_view(view: View, config: DistractorConfig) -> dict[str, Tensor]:
     steps = torch.tensor([1 / PLASTIC_NUMBER, 1 / PLASTIC_NUMBER**2], dtype=torch.float64)
     unit = (0.5 + torch.arange(1, n + 1, dtype=torch.float64)[:, None] * steps) % 1.0
     size = torch.tensor([view.width, view.height])
-    return distractors_at(view, config, unit.to(view.K) * size.to(view.K), torch.rand(n, 3))
+    pixels = unit.to(view.K) * size.to(view.K)
+    return distractors_at(view, max(n, 1), config, pixels, torch.rand(n, 3))
 
 
 def distractors_at(
     view: View,
+    places: int,
     config: DistractorConfig,
     pixels: Float[Tensor, "n 2"],
     rgbs: Float[Tensor, "n 3"],
 ) -> dict[str, Tensor]:
     """Raw parameters of distractors at `DEPTH` in front of a camera, of colours in [0, 1], seen at
-    `pixels` (x, y). Each is half as wide as the spacing of `config.per_view` that would cover the
-    image."""
+    `pixels` (x, y). Each is half as wide as the spacing of as many `places` that cover the image.
+    """
     n = len(pixels)
     fx, fy, cx, cy = view.K[0, 0], view.K[1, 1], view.K[0, 2], view.K[1, 2]
     x, y = (pixels[:, 0] - cx) / fx, (pixels[:, 1] - cy) / fy
     in_camera = torch.stack([x, y, torch.ones_like(x)], dim=-1) * DEPTH
     rotation, translation = view.viewmat[:3, :3], view.viewmat[:3, 3]
     area = view.width * view.height
-    spacing = math.sqrt(area / max(config.per_view, 1)) / torch.sqrt(fx * fy).double()
+    spacing = math.sqrt(area / places) / torch.sqrt(fx * fy).double()
     like = {"dtype": view.K.dtype, "device": view.K.device}
     return {
         "means": (in_camera - translation) @ rotation,

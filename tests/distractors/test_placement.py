@@ -11,17 +11,15 @@ from desplat_ns.distractors.config import DistractorConfig
 from desplat_ns.distractors.distractors import Distractors
 from desplat_ns.distractors.placement import (
     distractor_weight,
-    distractors_in,
     lie_in,
-    uncovered_cells,
+    placement,
 )
 from desplat_ns.separation.grid import grid_of, region_pixels
 from desplat_ns.separation.residuals import RESIDUAL_MEDIANS
 from desplat_ns.step import Step
 from tests.helpers.well_known_scene import HEIGHT, WIDTH, WellKnownScene, cameras, the_view
 
-CONFIG = DistractorConfig(per_view=600, start="residual", initial_opacity=0.5)
-"""Cells of 2 x 2 pixels."""
+CONFIG = DistractorConfig(start="residual", initial_opacity=0.5)
 
 
 def a_photo() -> torch.Tensor:
@@ -38,6 +36,12 @@ def block() -> torch.Tensor:
     return regions
 
 
+def placed(alpha_d: torch.Tensor, regions: torch.Tensor) -> dict[str, torch.Tensor] | None:
+    none = torch.zeros(0, 3)
+    changed = placement(the_view(), a_photo(), alpha_d, regions, none, CONFIG)
+    return None if changed is None else changed[1]
+
+
 def pixels(means: torch.Tensor, view: View) -> torch.Tensor:
     in_camera = means @ view.viewmat[:3, :3].T + view.viewmat[:3, 3]
     projected = in_camera @ view.K.T
@@ -45,10 +49,11 @@ def pixels(means: torch.Tensor, view: View) -> torch.Tensor:
 
 
 def test_new_distractors_lie_on_the_cells_of_the_region_in_the_photos_colours():
-    cells = uncovered_cells(block(), alpha(0.0), CONFIG).numpy()
-    new = distractors_in(cells, the_view(), a_photo(), CONFIG)
+    regions = torch.zeros(HEIGHT // 2, WIDTH // 2, dtype=torch.bool)  # cells of 2 x 2 pixels
+    regions[5:10, 15:25] = True
+    new = placed(alpha(0.4), regions)
+    assert new is not None
     places = pixels(new["means"], the_view())
-    assert len(places) == 5 * 10
     x, y = torch.meshgrid(torch.arange(31.0, 50, 2), torch.arange(11.0, 20, 2), indexing="xy")
     expected = torch.stack([x, y], dim=-1).reshape(-1, 2)
     assert torch.allclose(places, expected, atol=1e-3)
@@ -57,19 +62,17 @@ def test_new_distractors_lie_on_the_cells_of_the_region_in_the_photos_colours():
     assert torch.allclose(new["opacities"].sigmoid(), torch.tensor(0.5))
 
 
-def test_none_is_placed_in_a_cell_that_is_covered_or_of_which_less_than_half_is_in_a_region():
-    regions = block()
-    regions[12:14, 30] = False  # half of a cell of 2 x 2 pixels
-    assert uncovered_cells(regions, alpha(0.0), CONFIG)[6, 15]
-    regions[12, 31] = False
-    cells = uncovered_cells(regions, alpha(0.4), CONFIG)
-    assert not cells[6, 15]
-    assert cells.sum() == 50 - 1
-    assert not uncovered_cells(regions, alpha(0.6), CONFIG).any()
+def test_none_is_placed_in_a_cell_that_is_covered():
+    covered = alpha(0.0)
+    covered[10:12] = 0.6
+    new = placed(covered, block())
+    assert new is not None
+    assert len(new["means"]) == 8 * 20
+    assert placed(alpha(0.6), block()) is None
 
 
 def test_those_in_the_region_stay():
-    everywhere = dataclasses.replace(CONFIG, start="everywhere")
+    everywhere = dataclasses.replace(CONFIG, start="everywhere", per_view=600)
     distractors = Distractors(everywhere, SplatfactoModelConfig(), cameras())
     means = distractors.views[0].params["means"].detach()
     keep = lie_in(block(), means, the_view())

@@ -23,14 +23,14 @@ def test_values_worked_out_by_hand():
     assert static_transparency_loss(alpha, where).item() == pytest.approx(0.5, abs=1e-15)
 
 
-def test_opacity_costs_nothing_where_it_is_free():
+def test_outside_of_regions_opacity_costs_and_inside_transparency():
     alpha = torch.full((2, 2, 1), 0.8, requires_grad=True)
-    free = torch.tensor([[1.0, 0.0], [0.0, 0.0]])[..., None]
-    loss = distractor_opacity_loss(alpha, free)
+    inside = torch.tensor([[1.0, 0.0], [0.0, 0.0]])[..., None]
+    loss = distractor_opacity_loss(alpha, inside)
     loss.backward()
-    assert loss.item() == pytest.approx(0.6)
+    assert loss.item() == pytest.approx(0.25 * (3 * 0.8 + 0.2))
     assert alpha.grad is not None
-    assert torch.equal(alpha.grad, 0.25 * (1 - free))
+    assert torch.equal(alpha.grad, 0.25 * (1 - 2 * inside))
 
 
 def test_the_static_loss_of_a_photo_without_distractors_is_splatfactos():
