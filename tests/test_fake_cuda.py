@@ -82,7 +82,7 @@ def assert_on_cuda(*values: Any) -> None:
 @pytest.mark.parametrize("masked", [False, True])
 def test_what_decides_whose_a_pixel_is_and_what_follows_stays_on_the_gpu(monkeypatch, masked):
     """But for which cells are connected, which is OpenCV's to say, on the CPU."""
-    monkeypatch.setattr(decide, "outlier_regions", lambda *masks, large: masks)
+    monkeypatch.setattr(decide, "outlier_regions", lambda *masks_and_by: masks_and_by[:2])
     photo, drawn, medians = cuda(HEIGHT, WIDTH, 3), rendering(), medians_in({}, N, CUDA)
     static = StaticView(
         drawn.rgb, drawn.alpha, None, drawn.means2d[0], drawn.visible, sigmoid(cuda(N))

@@ -26,10 +26,12 @@ class Thresholds:
     weak: float = 0.05
     """Evidence of each cell of a region."""
     strong: float = 0.15
-    """Evidence of one of them at least, once the scene is learned."""
+    """Evidence of `strong_share` of them at least, of those of which anybody knows."""
+    strong_share: float = 0.2
+    """In foliage single cells stand out."""
     peak_levels: float = 10.0
-    """Evidence of one of them before, in levels of the view, but at most `most_peak`: while the
-    scene is not learned, places stand out that it learns later unless they are left out."""
+    """Evidence of one of them, in levels of the view, but at most `most_peak`: while the scene is
+    not learned, places stand out that it learns later unless they are left out."""
     most_peak: float = 0.4
     trusted: float = 3.0
     """Times what is unexplained, the excess counts at most where the scene is known: a thing may
@@ -94,9 +96,9 @@ def decide(
     """Where a photo shows what other views do not, on the grid of `grid_of`; masked cells are in no
     region.
 
-    A region is made of connected cells with an evidence (`evidence_of`) above `by.weak`, one of
-    them with more than `by.peak_levels` * level, `by.most_peak` at most, and more than `by.strong`.
-    Cells of which nobody knows may belong to a region, and make none.
+    A region is made of connected cells with an evidence (`evidence_of`) above `by.weak`. Of those
+    of which anybody knows, `by.strong_share` have more than `by.strong`, and one more than
+    `by.peak_levels` * level, `by.most_peak` at most.
 
     Args:
         unexplained: gives that of the photo, by `PlaneSweep.unexplained`, on any grid; None where
@@ -107,19 +109,19 @@ def decide(
     rows, columns = excess.values.shape
     grid = columns, rows
     needed = (by.peak_levels * excess.level).clamp(by.strong, max(by.strong, by.most_peak))
-    strong = excess.values > needed
-    if strong.is_cpu and not strong.numpy().any():  # as in most photos, which then cost no more
-        return strong
+    peaks = excess.values > needed
+    if peaks.is_cpu and not peaks.numpy().any():  # as in most photos, which then cost no more
+        return peaks
     evidence, is_known = evidence_of(excess, unexplained(), by)
-    strong = (evidence > needed) & is_known
-    if strong.is_cpu and not strong.numpy().any():
-        return strong
+    peaks = (evidence > needed) & is_known
+    if peaks.is_cpu and not peaks.numpy().any():
+        return peaks
     alike = shared_detail(comparison.static, comparison.photo, by)
     has_foreign_detail = pooled(alike[..., None], grid)[0] <= by.shared_detail
     weak = (evidence > by.weak) & has_foreign_detail
     colors = pooled(comparison.photo.permute(1, 2, 0), grid)
-    regions = outlier_regions(weak, strong & has_foreign_detail, large=by.outline_window**2 // 2)
-    found = torch.zeros_like(strong)
+    regions = outlier_regions(weak, is_known, evidence > by.strong, peaks, by)
+    found = torch.zeros_like(peaks)
     for part, window in zip(regions, (by.outline_window, by.small_window), strict=True):
         if part is not None:
             found |= along_edges(part, colors, window, by.outline_noise)
@@ -242,20 +244,28 @@ def shared_detail(
 
 
 def outlier_regions(
-    weak: Bool[Tensor, "rows columns"], strong: Bool[Tensor, "rows columns"], large: int
+    weak: Bool[Tensor, "rows columns"],
+    is_known: Bool[Tensor, "rows columns"],
+    strong: Bool[Tensor, "rows columns"],
+    peaks: Bool[Tensor, "rows columns"],
+    by: Thresholds = Thresholds(),
 ) -> list[Bool[Tensor, "rows columns"] | None]:
-    """Connected cells that stand out at least weakly, one of them strongly, found on the host; gaps
-    are closed and holes filled. What is in the way is in places coloured like what it covers, and
-    noise above the lower threshold alone is no reason. First those of at least `large` cells, then
-    the smaller; None for none.
+    """Connected weak cells of whose known ones `by.strong_share` are strong and one is a peak,
+    found on the host; gaps are closed and holes filled. What is in the way is in places coloured
+    like what it covers, and noise above the lower threshold alone is no reason. First those of at
+    least half of `by.outline_window`'s cells, then the smaller; None for none.
 
-    Source: hysteresis of Canny 1986. OpenCV takes a quarter of the time of SciPy here.
+    Source: hysteresis of Canny 1986; the share is ours. OpenCV takes a quarter of the time of
+    SciPy here.
     """
-    weak_, strong_ = masks_to_host(weak, strong)
+    weak_, *others = masks_to_host(weak, is_known, is_known & strong, is_known & peaks)
     labels = _parts(weak_)
-    found = np.isin(labels, labels[strong_ & weak_])
+    known, strong_, peaks_ = (
+        np.bincount(labels[weak_ & other], minlength=labels.max() + 1) for other in others
+    )
+    found = ((peaks_ > 0) & (strong_ >= by.strong_share * known))[labels]
     labels = _parts(_without_holes(_closed(found)))
-    is_large = np.bincount(labels.ravel())[labels] >= large
+    is_large = np.bincount(labels.ravel())[labels] >= by.outline_window**2 // 2
     both = (labels > 0) & is_large, (labels > 0) & ~is_large
     return [to_device(part, weak.device) if part.any() else None for part in both]
 

@@ -9,7 +9,9 @@ WEAK, STRONG = 0.1, 0.5
 
 
 def regions(excess: torch.Tensor) -> torch.Tensor:
-    (found, _) = outlier_regions(excess > WEAK, excess > STRONG, large=0)
+    peaks = excess > STRONG
+    by = Thresholds(strong_share=0.0, outline_window=1)
+    found, _ = outlier_regions(excess > WEAK, torch.ones_like(peaks), peaks, peaks, by)
     return torch.zeros_like(excess) > 0 if found is None else found
 
 
@@ -87,10 +89,21 @@ def test_one_that_is_too_narrow_comes_nearer_to_it_and_never_leaves_it():
     assert (thing & ~outline).sum() < 0.5 * (thing & ~narrow).sum()
 
 
+def test_a_region_needs_a_peak_and_a_share_of_strong_cells():
+    weak, peaks = block((10, 20, 10, 20)) > WEAK, block((10, 11, 10, 11)) > WEAK
+    for rows, is_found in ((1, False), (2, True)):  # of ten
+        strong = block((10, 10 + rows, 10, 20)) > WEAK
+        assert outlier_regions(weak, weak, strong, ~weak) == [None, None]
+        large, _ = outlier_regions(weak, weak, strong, peaks)
+        assert (large is not None) == is_found
+        large, _ = outlier_regions(weak, peaks, strong, peaks)  # nobody knows of the others
+        assert large is not None
+
+
 def test_a_person_of_a_few_cells_is_judged_by_less_of_what_is_around_it():
     person, box = block((10, 16, 20, 24), value=1.0), block((20, 35, 10, 40), value=1.0)
     both = (person + box) > WEAK
-    large, small = outlier_regions(both, both, large=Thresholds.outline_window**2 // 2)
+    large, small = outlier_regions(both, both, both, both)
     assert large is not None and torch.equal(large, box > WEAK)
     assert small is not None and torch.equal(small, person > WEAK)
     colors = torch.rand(3, 40, 50, generator=torch.Generator().manual_seed(0))  # tell nothing apart
