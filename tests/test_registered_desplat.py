@@ -26,7 +26,7 @@ views have had their turn."""
 
 JUDGED = slice(-1)
 """Photos in which something is found. In the last one of the row the thing stands where fewer than
-two others look at nine tenths of the depths: nobody knows."""
+two others look at 95% of the depths: nobody knows."""
 
 
 @dataclass

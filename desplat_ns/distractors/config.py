@@ -54,9 +54,9 @@ class DistractorConfig:
     """Where distractors start: spread over every view and refined by Splatfacto's rules, as in the
     paper; or, visit by visit, where a photo shows what the other views do not, and only there."""
     strong_excess: float = ranged(0.15, "(0, inf)")
-    """With start residual: evidence that something in the way has to show in one place at least,
-    once the scene is learned; before, more. It is the residual beyond the expected one, limited by
-    what other photos leave unexplained, of colours in [0, 1]."""
+    """With start residual: evidence that something in the way has to show, in or beside most of its
+    cells; before the scene is learned one shows more. It is the residual beyond the expected one,
+    limited by what other photos leave unexplained, of colours in [0, 1]."""
     static_alone: bool = False
     """Train the static scene by a photometric loss of its own, on the pixels that no distractor
     covers; the composite's loss then trains distractors only. The paper has one loss for both."""

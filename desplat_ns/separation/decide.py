@@ -26,9 +26,9 @@ class Thresholds:
     weak: float = 0.05
     """Evidence of each cell of a region."""
     strong: float = 0.15
-    """Evidence of `strong_share` of them at least, of those of which anybody knows."""
-    strong_share: float = 0.2
-    """In foliage single cells stand out."""
+    """Evidence of some of them at least."""
+    strong_share: float = 0.6
+    """Share of the others that touch such a cell at least; in foliage single ones stand out."""
     peak_levels: float = 10.0
     """Evidence of one of them, in levels of the view, but at most `most_peak`: while the scene is
     not learned, places stand out that it learns later unless they are left out."""
@@ -97,8 +97,8 @@ def decide(
     region.
 
     A region is made of connected cells with an evidence (`evidence_of`) above `by.weak`. Of those
-    of which anybody knows, `by.strong_share` have more than `by.strong`, and one more than
-    `by.peak_levels` * level, `by.most_peak` at most.
+    of which anybody knows, `by.strong_share` have more than `by.strong` or touch one that has, and
+    one has more than `by.peak_levels` * level, `by.most_peak` at most.
 
     Args:
         unexplained: gives that of the photo, by `PlaneSweep.unexplained`, on any grid; None where
@@ -250,20 +250,21 @@ def outlier_regions(
     peaks: Bool[Tensor, "rows columns"],
     by: Thresholds = Thresholds(),
 ) -> list[Bool[Tensor, "rows columns"] | None]:
-    """Connected weak cells of whose known ones `by.strong_share` are strong and one is a peak,
-    found on the host; gaps are closed and holes filled. What is in the way is in places coloured
-    like what it covers, and noise above the lower threshold alone is no reason. First those of at
-    least half of `by.outline_window`'s cells, then the smaller; None for none.
+    """Connected weak cells of whose known ones `by.strong_share` are strong or touch a strong one,
+    and one is a peak, found on the host; gaps are closed and holes filled. What is in the way is in
+    places coloured like what it covers, and noise above the lower threshold alone is no reason.
+    First those of at least half of `by.outline_window`'s cells, then the smaller; None for none.
 
     Source: hysteresis of Canny 1986; the share is ours. OpenCV takes a quarter of the time of
     SciPy here.
     """
-    weak_, *others = masks_to_host(weak, is_known, is_known & strong, is_known & peaks)
+    weak_, known, strong_, peaks_ = masks_to_host(weak, weak & is_known, weak & strong, peaks)
     labels = _parts(weak_)
-    known, strong_, peaks_ = (
-        np.bincount(labels[weak_ & other], minlength=labels.max() + 1) for other in others
+    near = cv2.dilate((strong_ & known).astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+    cells, near_cells, peak_cells = (
+        np.bincount(labels[known & of], minlength=labels.max() + 1) for of in (known, near, peaks_)
     )
-    found = ((peaks_ > 0) & (strong_ >= by.strong_share * known))[labels]
+    found = ((peak_cells > 0) & (near_cells >= by.strong_share * cells))[labels]
     labels = _parts(_without_holes(_closed(found)))
     is_large = np.bincount(labels.ravel())[labels] >= by.outline_window**2 // 2
     both = (labels > 0) & is_large, (labels > 0) & ~is_large

@@ -55,7 +55,7 @@ SURROUNDINGS = 5
 """Cells (an odd number) across, anywhere in which a photo may show a place without disputing it,
 because the depth is not exact. Disputes are averaged over as many."""
 
-LOOKED_AT = 0.9
+LOOKED_AT = 0.95
 """Share of the planes from the nearest point on at which two neighbours have to look at a cell: at
 the border of a walk they look at others than the place that it shows."""
 

@@ -93,7 +93,7 @@ def test_of_the_scenes_own_detail_in_another_light_hardly_any_is_in_a_region():
     scene = seen_often()
     y, x = torch.meshgrid(torch.arange(HEIGHT), torch.arange(WIDTH), indexing="ij")
     flare = 0.4 * torch.exp(-((x - 30) ** 2 + (y - 20) ** 2) / 200)[..., None]
-    taken = scene.find(scene.photo + flare, Thresholds(shared_detail=1.0)).sum()
+    taken = scene.find(scene.photo + flare, Thresholds(shared_detail=1.0, strong_share=0.0)).sum()
     assert taken > 800
     assert scene.find(scene.photo + flare).sum() < 0.1 * taken
     assert scene.find(scene.with_an_occluder())[12:28, 22:38].all()
