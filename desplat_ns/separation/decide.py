@@ -26,12 +26,13 @@ class Thresholds:
     weak: float = 0.05
     """Evidence of each cell of a region."""
     strong: float = 0.15
-    """Evidence of some of them at least."""
+    """Evidence of a strong cell."""
     strong_share: float = 0.6
-    """Share of the others that touch such a cell at least; in foliage single ones stand out."""
+    """Share of a region's cells, of those of which anybody knows, that are strong or touch a strong
+    one: in foliage single cells stand out."""
     peak_levels: float = 10.0
-    """Evidence of one of them, in levels of the view, but at most `most_peak`: while the scene is
-    not learned, places stand out that it learns later unless they are left out."""
+    """Evidence of one of its cells, in levels of the view, but at most `most_peak`: while the scene
+    is not learned, places stand out that it learns later unless they are left out."""
     most_peak: float = 0.4
     trusted: float = 3.0
     """Times what is unexplained, the excess counts at most where the scene is known: a thing may
