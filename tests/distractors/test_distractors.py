@@ -56,7 +56,7 @@ def test_after_the_warm_up_a_photo_is_looked_at_at_once_and_then_in_every_third_
 
 def test_what_the_sweep_keeps_does_not_depend_on_the_static_scene():
     """Not in masked pixels either, and of the first visit alone."""
-    config = DistractorConfig(per_view=20, start="residual", static_warmup=2)
+    config = DistractorConfig(start="residual", static_warmup=2)
     model = make_model(distractors=config)
     view = View(torch.eye(4), torch.eye(3), 24, 20)
     photo, mask = torch.rand(20, 24, 3), torch.ones(20, 24, 1, dtype=torch.bool)

@@ -53,9 +53,7 @@ class GuardedTrainer(Trainer):
 
 def a_model() -> Any:
     """Both sets are refined every third step, with all that is remembered."""
-    distractors = DistractorConfig(
-        per_view=20, start="residual", static_alone=True, static_warmup=2
-    )
+    distractors = DistractorConfig(start="residual", static_alone=True, static_warmup=2)
     steps: dict[str, Any] = {"warmup_length": 2, "refine_every": 3, "densify_grad_thresh": 1e-9}
     points = torch.rand(40, 3, generator=torch.Generator().manual_seed(2)) - 0.5
     model = make_model(points, distractors=distractors, **steps)
