@@ -15,10 +15,11 @@ if TYPE_CHECKING:
 
 @pytest.fixture(scope="session")
 def small_spec() -> "SceneSpec":
-    """Ten views of 96x72 pixels without sky."""
+    """Ten views of 96x72 pixels without sky, each pixel by one ray."""
     from lab.synthetic import SceneSpec
 
-    return SceneSpec(num_views=10, num_extras=1, width=96, height=72, num_points=1200, seed=3)
+    of_photos = {"num_views": 10, "num_extras": 1, "width": 96, "height": 72, "supersample": 1}
+    return SceneSpec(num_points=1200, seed=3, **of_photos)
 
 
 @pytest.fixture(scope="session")

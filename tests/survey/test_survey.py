@@ -34,23 +34,21 @@ def test_exposure_and_white_balance_of_each_photo_are_a_matter_of_the_camera(mak
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("strength", "degrees"), [(0.5, 120.0), (0.0, 80.0)])
-def test_a_sun_that_moves_is_a_matter_of_places(make_capture, strength, degrees):
-    result = survey(make_capture(daylight=DaylightSpec(strength=strength, sky=False, sun=degrees)))
+def test_a_sun_that_moves_is_a_matter_of_places(make_capture):
+    result = survey(make_capture(daylight=DaylightSpec(strength=0.0, sky=False, sun=80.0)))
     assert result.appearance.decision == "affine"
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("place", ["room", "grove"])
 @pytest.mark.parametrize(
-    ("daylight", "decision"), [(None, "off"), (DaylightSpec(strength=0.8, sky=False), "camera")]
+    ("place", "daylight", "decision"),
+    [("room", None, "off"), ("grove", DaylightSpec(strength=0.8, sky=False), "camera")],
 )
 def test_gloss_and_fine_detail_are_no_light(make_capture, place, daylight, decision):
     options = {"num_views": 18, "arc_degrees": 324.0, "wall_height": 5.0}
     result = survey(make_capture(place=place, daylight=daylight, **options)).appearance
     assert result.decision == decision
-    if daylight is None:
-        assert result.figures["local"] < LOCAL_SHARE
+    assert result.figures["local"] < LOCAL_SHARE
 
 
 def test_what_was_pasted_over_photos_after_their_reconstruction_is_no_light(make_capture):
@@ -78,16 +76,15 @@ def test_skies_are_told_apart(make_capture, daylight, decision):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("cluttered", [False, True])
-def test_the_walls_behind_a_table_that_one_looks_down_on_are_no_sky(make_capture, cluttered):
-    result = survey(make_capture(cluttered, place="table", arc_degrees=150.0))
+def test_the_walls_behind_a_table_that_one_looks_down_on_are_no_sky(make_capture):
+    result = survey(make_capture(cluttered=True, place="table", arc_degrees=150.0))
     assert result.decisions() == OFF
 
 
 @pytest.fixture(scope="module")
 def sky_masks(small_spec: SceneSpec) -> list[np.ndarray]:
     """Where each photo of the small scene with low walls shows the sky."""
-    low = replace(small_spec, wall_height=2.0, supersample=1, num_points=9)
+    low = replace(small_spec, wall_height=2.0, num_points=9)
     return [np.isinf(frame.depth) for frame in make_scene(low).clean]
 
 
