@@ -18,6 +18,8 @@ import numpy as np
 import pytest
 import torch
 from hypothesis import HealthCheck, settings
+
+# Before any pycolmap: pycolmap 4.2.1 imported first corrupted the heap when PNGs were written.
 from PIL import Image
 
 if TYPE_CHECKING:

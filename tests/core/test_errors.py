@@ -1,6 +1,5 @@
 """What ends a command is told in a sentence, not in a traceback; what is said on the console."""
 
-import subprocess
 import sys
 
 import pytest
@@ -37,21 +36,6 @@ def test_names_forge_no_lines_and_no_colours_and_keep_their_brackets(hook, capsy
     assert shown.err == f"\nError: {escaped}\n" and shown.out == f"{escaped}\n"
     announce("/a/[bold]/" + "x" * 200)
     assert capsys.readouterr().out == "/a/[bold]/" + "x" * 200 + "\n"
-
-
-OLD = """
-import warnings
-from desplat_ns.core.errors import begin_run
-begin_run()
-for module in ("torch.nn.init", "nerfstudio.engine.trainer", "desplat_ns.model"):
-    warnings.warn_explicit(module, FutureWarning, "a.py", 1, module=module)
-"""
-
-
-def test_of_what_will_change_only_ours_is_said():
-    done = subprocess.run([sys.executable, "-c", OLD], capture_output=True, text=True)
-    assert "torch" not in done.stderr and "nerfstudio" not in done.stderr
-    assert "desplat_ns.model" in done.stderr
 
 
 def test_a_console_that_cannot_be_written_to_stops_nothing(monkeypatch: pytest.MonkeyPatch):

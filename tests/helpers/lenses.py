@@ -3,8 +3,6 @@
 import shutil
 from pathlib import Path
 
-# PIL before pycolmap: pycolmap 4.2.1 imported first corrupted the heap when PNGs were written.
-import PIL.Image  # noqa: F401
 import pycolmap
 
 BARREL = "OPENCV 0.2 0 0 0"

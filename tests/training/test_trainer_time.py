@@ -64,9 +64,3 @@ def test_trial_steps_change_no_bit_and_time_is_told_each_minute(timed, monkeypat
     for state in (with_trial, without):
         del state["rng"]["python"]  # the checks of types in tests draw from it: there are more
     assert_same(with_trial, without)
-
-
-def test_time_is_told_at_each_tenth_where_a_minute_is_longer(timed, monkeypatch, capsys):
-    monkeypatch.setattr(console, "TOLD_FROM", 5.0)
-    timed()
-    assert_told(capsys.readouterr().out, [2, 3, 5, 8, 10, 12, 15, 17, 20, 22])

@@ -1,7 +1,6 @@
 """nerfstudio's commands on a small generated Photo Tourism scene, trained once."""
 
 import json
-import shutil
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,12 +11,10 @@ import torch
 import yaml
 from nerfstudio.scripts import train
 from nerfstudio.scripts.eval import ComputePSNR
-from nerfstudio.scripts.render import DatasetRender
 from nerfstudio.utils.eval_utils import eval_setup
-from PIL import Image
 
 from desplat_ns.cameras.views import view_of
-from desplat_ns.core.errors import CheckpointError, ConfigError
+from desplat_ns.core.errors import ConfigError
 from desplat_ns.data.photo_tourism import PhotoTourismDataParserConfig
 from desplat_ns.photo_tourism.shown_light import VARIABLE
 from desplat_ns.tools.commands.evaluate import Evaluate
@@ -66,16 +63,6 @@ def test_plain_ns_eval_follows_the_protocol(run: Path, tmp_path: Path):
     assert len(list((tmp_path / "pictures").glob("*.png"))) == 2
 
 
-def test_half_without_appearance_and_a_run_without_it_are_refused(run: Path, tmp_path: Path):
-    config = yaml.load(run.read_text(), Loader=yaml.UnsafeLoader)
-    config.pipeline.model.effects.appearance = "off"
-    there = tmp_path / "config.yml"
-    there.write_text(yaml.dump(config))
-    shutil.copytree(run.parent / "nerfstudio_models", tmp_path / "nerfstudio_models")
-    with pytest.raises(CheckpointError, match=r"effects\.appearance affine"):
-        evaluate(there, tmp_path / "m.json")
-
-
 def test_resuming_goes_on_with_every_group(run: Path, tmp_path: Path):
     config: Any = yaml.load(run.read_text(), Loader=yaml.UnsafeLoader)
     config.load_dir = run.parent / "nerfstudio_models"
@@ -110,19 +97,6 @@ def test_the_exported_splat_wears_the_chosen_appearance(run: Path, tmp_path: Pat
     ExportGaussianSplat(run, tmp_path / "mean").main()
     mean = read_splats((tmp_path / "mean" / "splat.ply").read_bytes(), "ply")
     assert np.abs(mean.harmonics[:, 0] - exported.harmonics[:, 0]).max() > 1e-6
-
-
-def test_ns_render_wears_what_the_environment_says(run: Path, tmp_path: Path, monkeypatch):
-    pictures = []
-    for shown in ("", "photo_0002.png"):
-        monkeypatch.setenv(VARIABLE, shown)
-        folder = tmp_path / f"shown{shown}"
-        options: dict[str, Any] = {"split": "test", "image_format": "png"}
-        DatasetRender(run, output_path=folder, rendered_output_names=["rgb"], **options).main()
-        shown = sorted((folder / "test" / "rgb").iterdir())
-        assert len(shown) == 2
-        pictures.append(np.asarray(Image.open(shown[0]).convert("RGB")))
-    assert (pictures[0] != pictures[1]).any()
 
 
 def test_what_is_there_is_replaced_only_if_that_is_asked_for(run: Path, tmp_path: Path):

@@ -7,9 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-
-# PIL before pycolmap: pycolmap 4.2.1 imported first corrupted the heap when PNGs were written.
-import PIL.Image  # noqa: F401
 import pycolmap
 import pytest
 

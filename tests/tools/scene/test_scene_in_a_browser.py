@@ -223,15 +223,6 @@ def test_a_dropped_file_is_shown_in_place_of_the_scene(tmp_path: Path, kind: str
         assert psnr(shown(page), ours) > LEAST_PSNR
 
 
-def test_a_move_that_is_drawn_slowly_is_drawn_coarser_and_sharp_at_rest(stage: Page):
-    sharp = stage.value("document.getElementById('canvas').width")
-    slow = "scenePage.going = true, scenePage.lastDraw -= 500, scenePage.camera.position.x += 0.01"
-    drawn_slowly = f"{slow}, scenePage.draw(), document.getElementById('canvas').width"
-    assert stage.value(drawn_slowly) == sharp / 2
-    settle(stage)
-    assert stage.value("document.getElementById('canvas').width") == sharp
-
-
 def test_the_photo_lies_over_the_scene_up_to_the_slider(stage: Page):
     settle(stage, "share.value = 50, share.oninput()")
     stage.wait_for("getComputedStyle(photo).opacity === '1'")
