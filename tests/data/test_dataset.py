@@ -70,15 +70,11 @@ def test_a_photo_that_is_turned_missing_or_corrupt_is_named(capture, photo_write
     ("size", "camera", "fits"),
     [
         ((270, 480), (270, 480), True),
-        ((270, 480), (135, 240), True),
         ((1297, 840), (648, 420), True),
-        ((4032, 3024), (1008, 756), True),
         ((8, 6), (7, 5), True),
         ((1, 8), (1, 4), True),  # a side of one pixel stays
-        ((1, 800), (1, 100), True),
         ((5, 80), (1, 10), True),
         ((480, 270), (270, 480), False),
-        ((135, 240), (270, 480), False),
         ((3024, 4032), (1008, 756), False),
         ((1000, 800), (500, 300), False),
         ((100, 800), (1, 100), False),

@@ -2,6 +2,7 @@
 
 import base64
 import struct
+import sys
 import zlib
 from collections.abc import Callable
 from pathlib import Path
@@ -94,8 +95,9 @@ def palette(path: Path) -> None:
     Image.fromarray(RGB).quantize(16).save(path)
 
 
-def heif(path: Path) -> None:
-    pytest.importorskip("pillow_heif").from_pillow(Image.fromarray(FLAT)).save(path, quality=100)
+def heif(path: Path, pixels: np.ndarray, **options) -> None:
+    written = pytest.importorskip("pillow_heif").from_pillow(Image.fromarray(pixels))
+    written.save(path, quality=100, **options)
 
 
 FLAT = np.full((32, 48, 3), 128, np.uint8)
@@ -190,7 +192,7 @@ ROWS: dict[str, tuple[np.ndarray, Callable[[Path], None]]] = {
     "dpx 16.dpx": row(RGB, write, RGB16),
     "gif.gif": row(np.dstack([PALETTE, FULL]), palette),
     "avif.avif": row(FLAT, pil, FLAT, quality=100),
-    "heic.heic": row(FLAT, heif),
+    "heic.heic": row(FLAT, heif, FLAT),
 }
 
 
@@ -264,7 +266,31 @@ def test_jpeg_xl_comes_as_its_decoder_turns_it(tmp_path: Path):
         assert image_size(tmp_path / "a.jxl", camera) == (64, 96)
 
 
-@pytest.mark.parametrize("ending", ["jpg", "png", "webp", "tif"])
+def test_heic_comes_as_its_decoder_turns_it_and_files_are_what_they_hold(tmp_path: Path):
+    """Orientation 6: upright the picture is a quarter turn to the right."""
+    stored, exif = FLAT.copy(), Image.Exif()
+    stored[:16, :16], exif[0x0112] = 0, 6
+    for name in ("a.heic", "b.HEIF"):
+        heif(tmp_path / name, stored, exif=exif.tobytes())
+    (tmp_path / "b.HEIF").rename(tmp_path / "c.jpg")
+    for name in ("a.heic", "c.jpg"):
+        read = read_image(tmp_path / name)
+        np.testing.assert_array_equal(read > 64, np.rot90(stored, -1) > 64)
+        assert image_size(tmp_path / name) == (32, 48)
+    Image.fromarray(FLAT).save(tmp_path / "jpeg.jpg")
+    path = (tmp_path / "jpeg.jpg").rename(tmp_path / "jpeg.heic")
+    np.testing.assert_array_equal(read_image(path), FLAT)
+
+
+def test_where_heic_cannot_be_read_the_library_is_named(tmp_path: Path, monkeypatch):
+    (tmp_path / "a.heic").write_bytes(b"\0\0\0\x18ftypheic")
+    monkeypatch.setitem(sys.modules, "pillow_heif", None)
+    with pytest.raises(CaptureError, match="pip install pillow-heif"):
+        read_image(tmp_path / "a.heic")
+    assert lens_of(tmp_path / "a.heic").name == ""
+
+
+@pytest.mark.parametrize("ending", ["jpg", "png", "webp", "tif", "heic"])
 def test_the_lens_is_read_from_every_format_with_exif(tmp_path: Path, ending: str):
     path = tmp_path / f"a.{ending}"
     if ending == "tif":  # Pillow writes no inner tags there
@@ -274,7 +300,7 @@ def test_the_lens_is_read_from_every_format_with_exif(tmp_path: Path, ending: st
         exif = Image.Exif()
         exif[0x010F] = "Apple"
         exif.get_ifd(0x8769).update({0xA434: "85mm", 0x920A: IFDRational(17, 4), 0xA405: 26})
-        Image.fromarray(FLAT).save(path, exif=exif)
+        (heif if ending == "heic" else pil)(path, FLAT, exif=exif.tobytes())
     assert lens_of(path) == ("Apple 85mm 4.25", 26.0)
 
 

@@ -34,17 +34,6 @@ def test_factors_are_those_of_folders_beside_the_photos(tmp_path: Path):
     assert downscale_factors(tmp_path / "absent" / "images") == []
 
 
-def test_files_that_are_passed_over_are_counted_by_their_endings(tmp_path: Path, capsys):
-    names = ["a.JPG", "b/c.jxl", "b/d.dng", "e.DNG", "f", "g.xmp", ".hidden", "b/._a.jpg"]
-    for _ in range(2):
-        begin_folder(tmp_path, names)
-    said = " ".join(capsys.readouterr().out.split())
-    assert said.count("2 photos of 6 files") == 1
-    assert "4 passed over: 2 .dng, 1 without ending, 1 .xmp" in said
-    begin_folder(tmp_path, ["a.jpg", ".DS_Store"])
-    assert capsys.readouterr().out == ""
-
-
 def test_photos_of_a_capture_and_their_reduced_copies_are_exposed_together(tmp_path: Path):
     touch(tmp_path, "images/day/a.exr", "images_4/day/a.exr", "alone_2/a.exr", "other/a.exr")
     for name in ("images", "alone_2"):
