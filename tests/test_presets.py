@@ -1,18 +1,15 @@
 """A run is as long as the photos ask for, and config.yml says how long, and how they are read."""
 
-import pytest
 import yaml
-from nerfstudio.configs.method_configs import all_methods
 
 from desplat_ns.data.layouts import DeSplatDataParserConfig
 from desplat_ns.data.robustnerf import RobustNerfDataParserConfig
 from tests.helpers.registered import registered_desplat, set_up
 
 
-@pytest.mark.parametrize("name", ["desplat-quick", "desplat"])
-def test_config_yml_has_the_settled_length_and_data_parser(name, tiny_scene, tmp_path):
+def test_config_yml_has_the_settled_length_and_data_parser(tiny_scene, tmp_path):
     config = registered_desplat(tiny_scene, tmp_path, max_num_iterations=0)
-    config.visits, config.pipeline.model.effects.auto = all_methods[name].visits, False
+    config.pipeline.model.effects.auto = False
     manager = config.pipeline.datamanager
     manager.dataparser, manager.data = DeSplatDataParserConfig(), tiny_scene.folder
     config.save_config()  # as ns-train does

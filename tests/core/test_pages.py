@@ -1,4 +1,4 @@
-"""What pages share: escaping, times in words, pictures that fit into a number of bytes."""
+"""What pages share: escaping, pictures that fit into a number of bytes."""
 
 import base64
 import io
@@ -9,17 +9,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from desplat_ns.core.console import time_in_words
 from desplat_ns.core.errors import ConfigError
 from desplat_ns.core.pages import LARGEST_SIDE, Picture, fitted_into, template, to_rgb8
 from lab.synthetic.textures import f32
 from tests.helpers.report import flat, noise
-
-
-def test_times_have_at_most_two_units():
-    seconds = (0.2, 45.4, 59.7, 125.0, 3600.0, 4830.0)
-    words = ["0 s", "45 s", "1 min", "2 min 5 s", "1 h", "1 h 20 min"]
-    assert list(map(time_in_words, seconds)) == words
 
 
 def test_a_template_escapes_and_refuses_what_it_is_not_given(tmp_path: Path):

@@ -96,14 +96,3 @@ def test_ctrl_c_twice_during_the_last_save_is_no_success_and_says_what_is_saved(
     assert [path.name for path in config.get_checkpoint_dir().iterdir()] == ["step-000000005.ckpt"]
     said = capsys.readouterr().out
     assert "6 steps are saved" in said and f"--load-dir {config.get_checkpoint_dir()}\n" in said
-
-
-def test_a_run_that_was_stopped_says_how_to_go_on_and_a_whole_one_what_comes_next(config, capsys):
-    trainer = set_up(config)
-    trainer.pipeline.at_step = lambda step: os.kill(os.getpid(), signal.SIGTERM)
-    trainer.train()
-    said = capsys.readouterr().out
-    assert f"--load-dir {config.get_checkpoint_dir()}\n" in said and "desplat-report" not in said
-    train(resumed(config))
-    said = capsys.readouterr().out
-    assert f"--load-config {config.output_dir}" in said and "--load-dir" not in said

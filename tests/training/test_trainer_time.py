@@ -28,12 +28,10 @@ def timed(tiny_run, tmp_path, monkeypatch) -> Any:
         now[0] += SECONDS
         return losses(self, step)
 
-    def train(folder: str = "timed", **changes: Any) -> Any:
-        config = tiny_run(tmp_path / folder)
-        vars(config).update(changes)
-        trainer = set_up(config, 1)
+    def train(folder: str) -> Any:
+        trainer = set_up(tiny_run(tmp_path / folder), 1)
         trainer.train()
-        return trainer
+        return load_newest(trainer.checkpoint_dir)[1]
 
     clock_of_its_own = SimpleNamespace(monotonic=lambda: now[0])
     monkeypatch.setattr(trainer_module, "time", clock_of_its_own)
@@ -46,21 +44,16 @@ def timed(tiny_run, tmp_path, monkeypatch) -> Any:
     return train
 
 
-def assert_told(lines: str, steps: list[int]) -> None:
-    """What is left is said before the first step and then after these."""
-    assert "About 4 min on this machine for 24 steps." in lines
-    told = re.findall(r"Step (\d+) of 24, about (.*) left", lines)
-    assert [int(step) for step, *_ in told] == steps
-    for step, left in told:
-        assert seconds_of(left) == pytest.approx(SECONDS * (24 - int(step)), abs=15)
-
-
 def test_trial_steps_change_no_bit_and_time_is_told_each_minute(timed, monkeypatch, capsys):
     monkeypatch.setattr(console, "TOLD_FROM", 60.0)
-    with_trial = load_newest(timed().checkpoint_dir)[1]
-    assert_told(capsys.readouterr().out, [6, 12, 18])
+    with_trial, said = timed("timed"), capsys.readouterr().out
+    assert "About 4 min on this machine for 24 steps." in said
+    told = re.findall(r"Step (\d+) of 24, about (.*) left", said)
+    assert [int(step) for step, _ in told] == [6, 12, 18]
+    for step, left in told:
+        assert seconds_of(left) == pytest.approx(SECONDS * (24 - int(step)), abs=15)
     monkeypatch.setattr(trainer_module, "TIMED_FROM", 10**9)
-    without = load_newest(timed("untimed").checkpoint_dir)[1]
+    without = timed("untimed")
     for state in (with_trial, without):
         del state["rng"]["python"]  # the checks of types in tests draw from it: there are more
     assert_same(with_trial, without)
