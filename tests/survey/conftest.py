@@ -18,8 +18,9 @@ def small_spec() -> "SceneSpec":
     """Ten views of 96x72 pixels without sky, each pixel by one ray."""
     from lab.synthetic import SceneSpec
 
-    of_photos = {"num_views": 10, "num_extras": 1, "width": 96, "height": 72, "supersample": 1}
-    return SceneSpec(num_points=1200, seed=3, **of_photos)
+    return SceneSpec(
+        num_views=10, num_extras=1, width=96, height=72, num_points=1200, seed=3, supersample=1
+    )
 
 
 @pytest.fixture(scope="session")
