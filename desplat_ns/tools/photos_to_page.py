@@ -8,7 +8,6 @@ OUTPUT/scene.ply, masks/            for other programs
 OUTPUT/desplat.json                 what was asked for, and what is done
 """
 
-import json
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -25,7 +24,7 @@ from desplat_ns.core.cores import cores
 from desplat_ns.core.errors import ConfigError, DeSplatError
 from desplat_ns.core.run_files import RunFiles, find_run
 from desplat_ns.core.schedule import GPU_VISITS, steps_for_visits
-from desplat_ns.core.whole import only_process_in, write_whole
+from desplat_ns.core.whole import begun_record, only_process_in, write_record
 from desplat_ns.data.images import image_size
 from desplat_ns.data.layouts import is_capture
 from desplat_ns.data.photo_files import photo_names
@@ -136,24 +135,15 @@ def _record(output: Path, photos: Path) -> Iterator[dict[str, Any]]:
     """What is done in `output`, kept in `RECORD` as it changes. Raises ConfigError where the folder
     holds something else, or the output of other photos."""
     path, source = output / RECORD, str(photos.resolve())
-    if path.is_file():
-        try:
-            done = json.loads(path.read_text("utf8"))
-            made_of = done["photos"]
-        except (ValueError, LookupError, TypeError) as error:
-            raise ConfigError(f"{path} is damaged ({error}). Name another folder.") from error
-        if made_of != source:
-            raise ConfigError(f"'{output}' holds what was made of {made_of}. Name another folder.")
-    elif others := [at.name for at in output.iterdir() if not at.name.endswith(".in-use")]:
+    done = begun_record(path, {"photos": source})
+    if done["photos"] != source:
         raise ConfigError(
-            f"'{output}' holds something else ({others[0]}). Name a new or an empty folder."
+            f"'{output}' holds what was made of {done['photos']}. Name another folder."
         )
-    else:
-        done = {"photos": source}
     try:
         yield done
     finally:
-        write_whole(path, json.dumps(done, indent=1).encode())
+        write_record(path, done)
 
 
 def _run_folder(output: Path, method: str) -> Path:

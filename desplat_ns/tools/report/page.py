@@ -12,7 +12,7 @@ from desplat_ns.core.errors import CaptureError, ConfigError
 from desplat_ns.core.pages import fitted_into, template
 from desplat_ns.core.run_files import SURVEY, RunFiles
 from desplat_ns.core.schedule import GPU_VISITS, steps_for_visits
-from desplat_ns.core.whole import plain_errors, write_whole
+from desplat_ns.core.whole import write_output
 from desplat_ns.data.splits import in_both
 from desplat_ns.evaluation.config import in_words
 from desplat_ns.evaluation.evaluate import gaussian_counts
@@ -48,8 +48,7 @@ def write_report(files: RunFiles, output: Path, asked: Report) -> dict[str, Any]
         for line in left_out:
             announce(f"The scene on the page: {line}", warning=True)
     content = report_html(shown, scene).encode()
-    with plain_errors(output):
-        write_whole(output, content)
+    write_output(output, content)
     announce(f"Saved the page to: {output} ({len(content) / 1e6:.1f} MB)")
     return shown
 

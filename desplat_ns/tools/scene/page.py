@@ -15,7 +15,7 @@ from desplat_ns.core.console import announce
 from desplat_ns.core.errors import ConfigError
 from desplat_ns.core.pages import Picture, fitted_into, template
 from desplat_ns.core.run_files import RunFiles
-from desplat_ns.core.whole import plain_errors, write_whole
+from desplat_ns.core.whole import write_output
 from desplat_ns.tools.commands.export import Page
 from desplat_ns.tools.export.splat_cloud import SplatCloud, moved, turned_harmonics
 from desplat_ns.tools.export.spz import color_bytes, placed, spz_bytes
@@ -45,8 +45,7 @@ def write_scene(files: RunFiles, asked: Page) -> None:
     contents = scene_of(load_run(files), *photos, asked.crop, asked.light)
     text, left_out = scene_html(contents, int(asked.megabytes * 1e6))
     content = text.encode()
-    with plain_errors(asked.output):
-        write_whole(asked.output, content)
+    write_output(asked.output, content)
     announce(f"Saved {asked.output}: a page with the scene in it, {len(content) / 1e6:.1f} MB.")
     for line in left_out:
         announce(line, warning=True)

@@ -11,7 +11,7 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from desplat_ns.core.pages import template
-from desplat_ns.core.whole import plain_errors, write_whole
+from desplat_ns.core.whole import write_output
 from desplat_ns.tools.studies.records import conditions_of
 from desplat_ns.tools.studies.tradeoff import BASE, Study, compared
 
@@ -60,17 +60,16 @@ def gain(points: Mapping[Point, Scores], point: Point) -> str:
 def write_page(study: Study) -> Path:
     """Write the page; where it is. Raises ConfigError where it cannot."""
     page, points = study.output / "report.html", measured(study)
-    with plain_errors(study.output):
-        text = template(TEMPLATE, spread=spread, values=values).render(
-            study=study,
-            columns=COLUMNS,
-            variants=compared(study.effects),
-            points=points,
-            gains={point: gain(points, point) for point in points},
-            plot=drawn(points),
-            conditions=conditions_of(study.records.values()),
-        )
-        write_whole(page, text.encode())
+    text = template(TEMPLATE, spread=spread, values=values).render(
+        study=study,
+        columns=COLUMNS,
+        variants=compared(study.effects),
+        points=points,
+        gains={point: gain(points, point) for point in points},
+        plot=drawn(points),
+        conditions=conditions_of(study.records.values()),
+    )
+    write_output(page, text.encode())
     return page
 
 
