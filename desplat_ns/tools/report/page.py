@@ -19,7 +19,13 @@ from desplat_ns.evaluation.evaluate import gaussian_counts
 from desplat_ns.tools.commands.report import Report
 from desplat_ns.tools.loading import LoadedRun, even_subset, load_run
 from desplat_ns.tools.report.pictures import ERROR_TOP, held_out_photos, marked, training_photos
-from desplat_ns.tools.report.verdict import found_in_words, verdict
+from desplat_ns.tools.report.verdict import (
+    found_in_words,
+    of_held_out,
+    of_the_masks,
+    of_the_photos,
+    of_the_run,
+)
 from desplat_ns.tools.report.views import disputed_places, seen_together
 from desplat_ns.tools.scene.gather import scene_of
 from desplat_ns.tools.scene.page import scene_html
@@ -29,8 +35,6 @@ SOURCE_BYTES = 9_000_000
 """Of scene and pictures; text, and the scene's quotes written out, fit into the rest of 10 MB."""
 SCENE_BYTES = 5_500_000
 """Of the scene, with the pictures in it."""
-SIZE = "<!-- size -->"
-"""In the template, where the page names its size."""
 MUCH = 0.5
 """Share of a photo. Medians over the views need places to be free in most of them."""
 
@@ -60,7 +64,6 @@ def shown_of(run: LoadedRun, most_training: int, most_held_out: int) -> dict[str
     num_photos = len(manager.train_image_names)
     photos = list(training_photos(pipeline, even_subset(num_photos, most_training)))
     results, held_out = held_out_photos(pipeline, most_held_out)
-    planned = None if config.budget else config.max_num_iterations
     masks = [(photo.covered, photo.shown_anyway) for photo in photos if photo.covered is not None]
     alone, places = seen_together(pipeline)
     left_out = dict[str, list[str]]()
@@ -71,8 +74,13 @@ def shown_of(run: LoadedRun, most_training: int, most_held_out: int) -> dict[str
     visits = config.visits * (1 if config.machine.device_type == "cpu" else GPU_VISITS)
     wanted = steps_for_visits(visits, num_photos, config.nominal_num_iterations)
     splits = [each.image_filenames for each in (manager.train_dataset, manager.eval_dataset)]
-    of_photos = masks, places, left_out, wanted if config.budget else 0, in_both(*splits)
-    said = verdict(run.steps, planned, num_photos, results, *of_photos)
+    planned, images = 0 if config.budget else config.max_num_iterations, results.get("images", [])
+    said = [  # causes before consequences
+        *of_the_run(run.steps, planned, wanted, num_photos, images),
+        *of_the_photos(num_photos, in_both(*splits), places, left_out),
+        *of_the_masks(masks),
+        *of_held_out(images),
+    ]
     survey, findings = run.files.folder / SURVEY, None
     with suppress(OSError, ValueError):  # a run may have none
         findings = json.loads(survey.read_text("utf8"))
@@ -82,7 +90,7 @@ def shown_of(run: LoadedRun, most_training: int, most_held_out: int) -> dict[str
         "capture": str(config.pipeline.datamanager.data or ""),
         "config": shlex.quote(str(run.files.config)),
         "steps": run.steps,
-        "verdict": [*said],
+        "verdict": said,
         "found": found_in_words(masks),
         "num_photos": num_photos,
         "counts": gaussian_counts(model),
@@ -110,7 +118,7 @@ def report_html(shown: Mapping[str, Any], scene: str = "") -> str:
     where = next(sources) if told else ""
     drawn = [(photo, {name: next(sources) for name in photo.pictures}) for photo in photos]
     shares = {photo.name: photo.covered or 0.0 for photo in training}
-    html = template(TEMPLATE, in_words=in_words, list_names=list_names).render(
+    return template(TEMPLATE, in_words=in_words, list_names=list_names).render(
         page=shown,
         scene=scene,
         training=drawn[: len(training)],
@@ -121,4 +129,3 @@ def report_html(shown: Mapping[str, Any], scene: str = "") -> str:
         where=where,
         error_top=f"{ERROR_TOP:.0%}",
     )
-    return html.replace(SIZE, f"{len(html.encode()) / 1e6:.1f} MB large")
