@@ -83,7 +83,7 @@ class Masks(OfRun):
             raise ConfigError("--for-training goes neither with --invert nor with --originals.")
         check_new_folder(self.output, self.overwrite)
 
-        from desplat_ns.tools.export.export import export_masks  # seconds
+        from desplat_ns.tools.export.masks import export_masks  # seconds
 
         export_masks(files, self)
 
