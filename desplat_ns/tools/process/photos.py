@@ -4,7 +4,6 @@ Letters in shapes: H x W pixels.
 """
 
 import hashlib
-import io
 import re
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -19,7 +18,7 @@ from jaxtyping import Float32, UInt8
 from desplat_ns.core.console import list_names, progress_over
 from desplat_ns.core.cores import cores
 from desplat_ns.core.errors import CaptureError
-from desplat_ns.core.whole import write_whole
+from desplat_ns.core.whole import draft_of
 from desplat_ns.data.images import lens_of, read_image, read_mask, resize_image, resize_mask
 from desplat_ns.data.photo_files import photo_names
 from desplat_ns.tools.process.request import Cameras
@@ -126,10 +125,8 @@ def _copy(folder: Path, photo: Photo, copies: Path, longest_side: int) -> tuple[
 
 def write_picture(path: Path, pixels: UInt8[np.ndarray, "H W *C"]) -> None:
     """Write a JPEG or PNG, by its ending, whole or not at all. Raises OSError."""
-    encoded, kind = io.BytesIO(), "PNG" if path.suffix == ".png" else "JPEG"
-    PIL.Image.fromarray(pixels).save(encoded, kind, quality=JPEG_QUALITY, subsampling=0)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    write_whole(path, encoded.getvalue())
+    with draft_of(path) as draft:
+        PIL.Image.fromarray(pixels).save(draft, quality=JPEG_QUALITY, subsampling=0)
 
 
 def check_projection(path: Path, image: UInt8[np.ndarray, "H W C"]) -> None:
