@@ -41,9 +41,8 @@ CRITERIA = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 50, 1e-9)
 
 
 def export_masks(files: RunFiles, asked: Masks) -> None:
-    """Write distractor masks of photos as PNG, at the photo's full size. Raises as `load_run` and
-    `photos_on_disk`, and ConfigError where the run has no distractors, or its data parser takes no
-    masks."""
+    """Write distractor masks of photos as PNG, at the photo's full size. Raises as `load_run`,
+    `photos_on_disk` and `others_for_training`; ConfigError where the run has no distractors."""
     pipeline, output = load_run(files).pipeline, asked.output
     model, manager = pipeline.model, pipeline.datamanager
     if model.distractors is None:

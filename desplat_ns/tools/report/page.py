@@ -40,8 +40,7 @@ MUCH = 0.5
 
 
 def write_report(files: RunFiles, output: Path, asked: Report) -> dict[str, Any]:
-    """Write the page of a run, and say where. Returns what it shows (`shown_of`). Raises
-    DeSplatError."""
+    """Write the page of a run, and say where; what it shows (`shown_of`). Raises DeSplatError."""
     most, run, scene = (asked.training_photos, asked.held_out_photos), load_run(files), ""
     shown = shown_of(run, *most)
     if asked.scene:

@@ -98,9 +98,8 @@ def of_the_photos(
     places: Sequence[Sequence[str]],
     left_out: Mapping[str, Sequence[str]],
 ) -> Said:
-    """Of so many training photos. `twice`: held-out ones that train as well; `places`: training
-    photos in groups that show nothing in common (`views.apart`); `left_out`: photos without a pose,
-    by the reason."""
+    """`twice`: held-out photos that train as well; `places`: training photos in groups that show
+    nothing in common (`views.apart`); `left_out`: photos without a pose, by the reason."""
     if twice:
         yield (
             f"{len(twice)} of the held-out photos also train: their scores say nothing of new "

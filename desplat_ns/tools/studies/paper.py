@@ -118,8 +118,7 @@ METHODS = {
         Method("splatfacto-w-a", _TOURISM, "Splatfacto-W-A", _W_A, has_light=True),
     )
 }
-"""Splatfacto has its settings in this package, and the appearance model of Splatfacto-W is without
-its masks."""
+"""Splatfacto has this package's settings, and Splatfacto-W's appearance model is without masks."""
 
 
 @dataclass(frozen=True)
