@@ -19,9 +19,12 @@ IN_USE = ".in-use"
 """Name of a folder's lock file."""
 
 
-def check_new_file(path: Path, overwrite: bool, option: str = "--output") -> None:
+def check_new_file(path: Path, overwrite: bool, option: str = "--output", ending: str = "") -> None:
     """Before minutes are spent on its content: raises ConfigError, which names the `option`, where
-    a file is there already, is a folder, or lies where nothing can be written."""
+    a file has another `ending`, is there already, is a folder, or lies where nothing can be
+    written."""
+    if not path.name.lower().endswith(ending):
+        raise ConfigError(f"{option} is '{path}'; give it the ending {ending}.")
     if path.is_dir():
         raise ConfigError(f"{option} is '{path}', which is a folder. Name a file in it.")
     if path.exists() and not overwrite:

@@ -104,10 +104,8 @@ class Page(OfScene):
 
     def main(self) -> None:
         """As `Splats.main`."""
-        if self.output.suffix.lower() != ".html":
-            raise ConfigError(f"--output is '{self.output}'; give it the ending .html.")
+        check_new_file(self.output, self.overwrite, ending=".html")
         files = self.find()
-        check_new_file(self.output, self.overwrite)
 
         from desplat_ns.tools.scene.page import write_scene  # seconds
 

@@ -18,14 +18,8 @@ from desplat_ns.evaluation.config import in_words
 from desplat_ns.evaluation.evaluate import gaussian_counts
 from desplat_ns.tools.commands.report import Report
 from desplat_ns.tools.loading import LoadedRun, even_subset, load_run
+from desplat_ns.tools.report import verdict
 from desplat_ns.tools.report.pictures import ERROR_TOP, held_out_photos, marked, training_photos
-from desplat_ns.tools.report.verdict import (
-    found_in_words,
-    of_held_out,
-    of_the_masks,
-    of_the_photos,
-    of_the_run,
-)
 from desplat_ns.tools.report.views import disputed_places, seen_together
 from desplat_ns.tools.scene.gather import scene_of
 from desplat_ns.tools.scene.page import scene_html
@@ -75,10 +69,10 @@ def shown_of(run: LoadedRun, most_training: int, most_held_out: int) -> dict[str
     splits = [each.image_filenames for each in (manager.train_dataset, manager.eval_dataset)]
     planned, images = 0 if config.budget else config.max_num_iterations, results.get("images", [])
     said = [  # causes before consequences
-        *of_the_run(run.steps, planned, wanted, num_photos, images),
-        *of_the_photos(num_photos, in_both(*splits), places, left_out),
-        *of_the_masks(masks),
-        *of_held_out(images),
+        *verdict.of_the_run(run.steps, planned, wanted, num_photos, images),
+        *verdict.of_the_photos(num_photos, in_both(*splits), places, left_out),
+        *verdict.of_the_masks(masks),
+        *verdict.of_held_out(images),
     ]
     survey, findings = run.files.folder / SURVEY, None
     with suppress(OSError, ValueError):  # a run may have none
@@ -90,7 +84,7 @@ def shown_of(run: LoadedRun, most_training: int, most_held_out: int) -> dict[str
         "config": shlex.quote(str(run.files.config)),
         "steps": run.steps,
         "verdict": said,
-        "found": found_in_words(masks),
+        "found": verdict.found_in_words(masks),
         "num_photos": num_photos,
         "counts": gaussian_counts(model),
         "training": photos,

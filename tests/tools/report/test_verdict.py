@@ -7,15 +7,8 @@ import numpy as np
 import pytest
 import torch
 
-from desplat_ns.tools.report.verdict import (
-    detail_kept,
-    found_in_words,
-    of_held_out,
-    of_the_masks,
-    of_the_photos,
-    of_the_run,
-    shown_anyway,
-)
+from desplat_ns.tools.report import verdict
+from desplat_ns.tools.report.verdict import detail_kept, found_in_words, shown_anyway
 
 
 def photo() -> np.ndarray:
@@ -47,10 +40,10 @@ def said(
     """All that is said, in the order of the page."""
     of_photos = {"twice": [], "places": [], "left_out": {}} | of_photos
     found = [
-        *of_the_run(steps, planned, wanted, photos, images),
-        *of_the_photos(photos, **of_photos),
-        *of_the_masks(masks),
-        *of_held_out(images),
+        *verdict.of_the_run(steps, planned, wanted, photos, images),
+        *verdict.of_the_photos(photos, **of_photos),
+        *verdict.of_the_masks(masks),
+        *verdict.of_held_out(images),
     ]
     return [what for what, cure in found if cure]
 
