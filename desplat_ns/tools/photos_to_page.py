@@ -10,7 +10,7 @@ OUTPUT/desplat.json                 what was asked for, and what is done
 
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -57,11 +57,12 @@ FILES = {"report": "report.html", "page": "scene.html", "ply": "scene.ply", "mas
 def make(photos: Path, output: Path, method: str, budget: float | None) -> None:
     """Make what is missing in `output` of a folder of photos, a video, a capture, or a run's
     config.yml, in `budget` seconds, or without in as many steps as the photos ask for; say what
-    came out. Raises as `_record`, DeSplatError as the parts do, and keeps what is done, SystemExit
+    came out. Raises as `_begun`, DeSplatError as the parts do, and keeps what is done, SystemExit
     where training was stopped."""
     began = time.monotonic()
     CONSOLE.log = lambda *_, **__: None  # nerfstudio's, each with a line of its source
-    with only_process_in(output), _record(output, photos) as done:
+    with only_process_in(output):
+        done = _begun(output, photos)
         is_posed = is_capture(photos)
         capture = photos if is_posed else output / "capture"
         config = _run_folder(output, method) / "config.yml"
@@ -123,20 +124,16 @@ def expected_seconds(photos: Path, method: str, budget: float | None) -> dict[st
     return seconds
 
 
-@contextmanager
-def _record(output: Path, photos: Path) -> Iterator[dict[str, Any]]:
-    """What is done in `output`, kept in `RECORD` as it changes. Raises ConfigError where the folder
-    holds something else, or the output of other photos."""
-    path, source = output / RECORD, str(photos.resolve())
-    done = begun_record(path, {"photos": source})
+def _begun(output: Path, photos: Path) -> dict[str, Any]:
+    """What is done in `output`. Raises ConfigError where the folder holds something else, or the
+    output of other photos."""
+    source = str(photos.resolve())
+    done = begun_record(output / RECORD, {"photos": source})
     if done["photos"] != source:
         raise ConfigError(
             f"'{output}' holds what was made of {done['photos']}. Name another folder."
         )
-    try:
-        yield done
-    finally:
-        write_record(path, done)
+    return done
 
 
 def _run_folder(output: Path, method: str) -> Path:
@@ -189,6 +186,7 @@ def _train(
         announce("The same command goes on.")
         raise SystemExit(130)
     trained[method] = budget
+    write_record(output / RECORD, done)
 
 
 def _is_of(config: Path, made: Path, done: dict[str, Any]) -> bool:
@@ -217,6 +215,7 @@ def _pages(files: RunFiles, output: Path, done: dict[str, Any], shown: Telling) 
                 raise
             announce(str(error), warning=True)
     done["pages"] = str(files.config)
+    write_record(output / RECORD, done)
     if page:
         yield f"{page['steps']:,} steps on {page['num_photos']} photos."
         if page["results"]:

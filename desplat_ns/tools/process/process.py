@@ -26,6 +26,7 @@ from desplat_ns.tools.process.photos import Photo, group_by_camera, prepare_mask
 from desplat_ns.tools.process.reconstruction import FEW, PLAIN, THOROUGH, Attempt, reconstruct
 from desplat_ns.tools.process.request import MIN_PHOTOS, Request
 from desplat_ns.tools.process.undistortion import undistort
+from desplat_ns.tools.process.video import take_frames
 
 RECORD = "process.json"
 BYTES = 4_000_000
@@ -115,8 +116,6 @@ def _usable_photos(request: Request, names: Sequence[str]) -> list[Photo]:
     where fewer than `MIN_PHOTOS` are left, or the video's camera stands still."""
     work, folder = request.output / "work", request.photos
     if request.is_video:
-        from desplat_ns.tools.process.video import take_frames
-
         folder = work / "frames"
         names = take_frames(request.photos, folder, request.frames)
     # COLMAP's threads end the process where the disk is full
@@ -182,9 +181,6 @@ def left_out(photos: Sequence[Photo], attempt: Attempt) -> dict[str, list[str]]:
     """The probable reasons why photos are not in the first model, as far as features, matches and
     sharpness tell, each with the sources that it holds for."""
     posed = set(attempt.first.photos)
-    best = dict.fromkeys(attempt.features, 0)
-    for a, b, count in attempt.pairs:
-        best[a], best[b] = max(best[a], count), max(best[b], count)
     usual = [photo for photo in photos if photo.copy in posed or not posed]
     sharp = BLURRED * median(photo.sharpness for photo in usual)
     many = FEW_FEATURES * median(attempt.features[photo.copy] for photo in usual)
@@ -200,9 +196,10 @@ def left_out(photos: Sequence[Photo], attempt: Attempt) -> dict[str, list[str]]:
             return "blurred"
         if attempt.features[photo.copy] < many:
             return "bare, with hardly any features"
-        if best[photo.copy] == 0:
+        best = max((count for a, b, count in attempt.pairs if photo.copy in (a, b)), default=0)
+        if best == 0:
             return "no matches with any other photo: another place, or seen from too far away"
-        if best[photo.copy] < 2 * attempt.recipe.pose_inliers:
+        if best < 2 * attempt.recipe.pose_inliers:
             return "too few matches with any other photo"
         return "matches with other photos, but no pose that agrees with others"
 

@@ -87,8 +87,7 @@ def apart(names: Sequence[str], shown: Bool[Tensor, "V P"]) -> list[list[str]]:
     is_linked = points @ points.T >= IN_COMMON * fewer.clamp(min=1)
     group = torch.arange(len(names))
     for _ in names:  # each takes the least number among those that it is linked with
-        least = torch.where(is_linked.cpu(), group, len(names)).amin(dim=1).minimum(group)
-        group = least
+        group = torch.where(is_linked.cpu(), group, len(names)).amin(dim=1).minimum(group)
     found = [[n for n, g in zip(names, group, strict=True) if g == one] for one in group.unique()]
     return sorted((each for each in found if len(each) > 1), key=len, reverse=True)
 
