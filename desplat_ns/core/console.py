@@ -175,12 +175,13 @@ def says_what_is_next() -> bool:
 
 
 @contextmanager
-def progress_over(total: int, label: str) -> Iterator[Any]:
-    """Tells of so many like things; calling what is yielded advances it by one."""
-    with progress_with_time_left(label) as show:
+def progress_over(total: int, label: str, alike: bool = True) -> Iterator[Any]:
+    """Tells of so many things; calling what is yielded advances it by one, up to the total. `alike`
+    as of `progress_with_time_left`."""
+    with progress_with_time_left(label, alike) as show:
         show(0, total)
         done = count(1)
-        yield lambda: show(next(done), total)
+        yield lambda: show(min(next(done), total), total)
 
 
 @contextmanager

@@ -1,24 +1,30 @@
 """Files that appear whole or not at all: written beside their place, put there when complete. And
 folders in which one process works at a time."""
 
+import json
 import os
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 from filelock import FileLock, Timeout
 
+from desplat_ns.core.console import list_names
 from desplat_ns.core.errors import ConfigError
 
 IN_USE = ".in-use"
 """Name of a folder's lock file."""
 
 
-def check_new_file(path: Path, overwrite: bool, option: str = "--output") -> None:
+def check_new_file(path: Path, overwrite: bool, option: str = "--output", ending: str = "") -> None:
     """Before minutes are spent on its content: raises ConfigError, which names the `option`, where
-    a file is there already, is a folder, or lies where nothing can be written."""
+    a file has another `ending`, is there already, is a folder, or lies where nothing can be
+    written."""
+    if not path.name.lower().endswith(ending):
+        raise ConfigError(f"{option} is '{path}'; give it the ending {ending}.")
     if path.is_dir():
         raise ConfigError(f"{option} is '{path}', which is a folder. Name a file in it.")
     if path.exists() and not overwrite:
@@ -53,6 +59,48 @@ def write_whole(path: Path, content: bytes) -> None:
     """Write a file. Raises OSError where that cannot be done."""
     with draft_of(path) as draft:
         draft.write_bytes(content)
+
+
+def write_output(path: Path, content: bytes, option: str = "--output") -> None:
+    """As `write_whole`, for a file whose place a user gave by an `option`. Raises ConfigError."""
+    with plain_errors(path, option):
+        write_whole(path, content)
+
+
+def check_ours(folder: Path, *names: str) -> None:
+    """Raises ConfigError where a folder, which may be missing, holds anything but files and folders
+    of these names and its lock."""
+    there = sorted(path.name for path in folder.iterdir()) if folder.is_dir() else []
+    if others := [name for name in there if name not in (IN_USE, *names)]:
+        raise ConfigError(
+            f"'{folder}' holds something else: {list_names(others, 5)}. Name a new or an empty "
+            "folder."
+        )
+
+
+def begun_record(path: Path, begun: Mapping[str, Any]) -> dict[str, Any]:
+    """What a command's record of its work in a folder says, an object of JSON with the names of
+    `begun` at least; that itself, written, where the folder is empty. Raises ConfigError where the
+    record is damaged, or the folder holds something else."""
+    if not path.is_file():
+        check_ours(path.parent)
+        write_record(path, begun)
+    try:
+        record = json.loads(path.read_text("utf8"))
+        if other := [n for n, value in begun.items() if type(record[n]) is not type(value)]:
+            raise TypeError(f"{other[0]} is of another type")
+    except (ValueError, LookupError, TypeError) as error:
+        raise ConfigError(
+            f"{path} is damaged ({error}). Name another folder, or remove '{path.parent}' to begin "
+            "anew."
+        ) from error
+    return record
+
+
+def write_record(path: Path, record: Mapping[str, Any]) -> None:
+    """Write a record as `begun_record` reads it: names as they are, also those that are no text."""
+    content = json.dumps(record, indent=1, ensure_ascii=False)
+    write_whole(path, content.encode(errors="backslashreplace"))
 
 
 @contextmanager

@@ -8,10 +8,9 @@ OUTPUT/scene.ply, masks/            for other programs
 OUTPUT/desplat.json                 what was asked for, and what is done
 """
 
-import json
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +24,7 @@ from desplat_ns.core.cores import cores
 from desplat_ns.core.errors import ConfigError, DeSplatError
 from desplat_ns.core.run_files import RunFiles, find_run
 from desplat_ns.core.schedule import GPU_VISITS, steps_for_visits
-from desplat_ns.core.whole import only_process_in, write_whole
+from desplat_ns.core.whole import begun_record, only_process_in, write_record
 from desplat_ns.data.images import image_size
 from desplat_ns.data.layouts import is_capture
 from desplat_ns.data.photo_files import photo_names
@@ -56,20 +55,14 @@ FILES = {"report": "report.html", "page": "scene.html", "ply": "scene.ply", "mas
 
 
 def make(photos: Path, output: Path, method: str, budget: float | None) -> None:
-    """Make what is missing in `output`, and say what came out.
-
-    Args:
-        photos: a folder of photos, a video, a capture, or a run's config.yml.
-        budget: seconds of all parts together; None for as many steps as the photos ask for.
-
-    Raises:
-        ConfigError: `output` holds something else, or the output of other photos.
-        DeSplatError: as of the parts; what is done is kept.
-        SystemExit: training was stopped.
-    """
+    """Make what is missing in `output` of a folder of photos, a video, a capture, or a run's
+    config.yml, in `budget` seconds, or without in as many steps as the photos ask for; say what
+    came out. Raises as `_begun`, DeSplatError as the parts do, and keeps what is done, SystemExit
+    where training was stopped."""
     began = time.monotonic()
     CONSOLE.log = lambda *_, **__: None  # nerfstudio's, each with a line of its source
-    with only_process_in(output), _record(output, photos) as done:
+    with only_process_in(output):
+        done = _begun(output, photos)
         is_posed = is_capture(photos)
         capture = photos if is_posed else output / "capture"
         config = _run_folder(output, method) / "config.yml"
@@ -131,29 +124,16 @@ def expected_seconds(photos: Path, method: str, budget: float | None) -> dict[st
     return seconds
 
 
-@contextmanager
-def _record(output: Path, photos: Path) -> Iterator[dict[str, Any]]:
-    """What is done in `output`, kept in `RECORD` as it changes. Raises ConfigError where the folder
-    holds something else, or the output of other photos."""
-    path, source = output / RECORD, str(photos.resolve())
-    if path.is_file():
-        try:
-            done = json.loads(path.read_text("utf8"))
-            made_of = done["photos"]
-        except (ValueError, LookupError, TypeError) as error:
-            raise ConfigError(f"{path} is damaged ({error}). Name another folder.") from error
-        if made_of != source:
-            raise ConfigError(f"'{output}' holds what was made of {made_of}. Name another folder.")
-    elif others := [at.name for at in output.iterdir() if not at.name.endswith(".in-use")]:
+def _begun(output: Path, photos: Path) -> dict[str, Any]:
+    """What is done in `output`. Raises ConfigError where the folder holds something else, or the
+    output of other photos."""
+    source = str(photos.resolve())
+    done = begun_record(output / RECORD, {"photos": source})
+    if done["photos"] != source:
         raise ConfigError(
-            f"'{output}' holds something else ({others[0]}). Name a new or an empty folder."
+            f"'{output}' holds what was made of {done['photos']}. Name another folder."
         )
-    else:
-        done = {"photos": source}
-    try:
-        yield done
-    finally:
-        write_whole(path, json.dumps(done, indent=1).encode())
+    return done
 
 
 def _run_folder(output: Path, method: str) -> Path:
@@ -206,6 +186,7 @@ def _train(
         announce("The same command goes on.")
         raise SystemExit(130)
     trained[method] = budget
+    write_record(output / RECORD, done)
 
 
 def _is_of(config: Path, made: Path, done: dict[str, Any]) -> bool:
@@ -234,6 +215,7 @@ def _pages(files: RunFiles, output: Path, done: dict[str, Any], shown: Telling) 
                 raise
             announce(str(error), warning=True)
     done["pages"] = str(files.config)
+    write_record(output / RECORD, done)
     if page:
         yield f"{page['steps']:,} steps on {page['num_photos']} photos."
         if page["results"]:

@@ -14,7 +14,7 @@ from desplat_ns.core.whole import (
     check_new_folder,
     plain_errors,
     whole_folder,
-    write_whole,
+    write_output,
 )
 from desplat_ns.evaluation.config import ProtocolName, in_words
 from desplat_ns.tools.commands import OfRun, run
@@ -62,8 +62,8 @@ class Evaluate(OfRun):
             "checkpoint": str(loaded.checkpoint),
             "results": results,
         }
-        with plain_errors(self.output_path, "--output-path"):
-            write_whole(self.output_path, json.dumps(record, indent=2).encode())
+        content = json.dumps(record, indent=2).encode()
+        write_output(self.output_path, content, "--output-path")
         announce(f"{in_words(results)}; means of {results['num_images']} held-out photos.")
         announce(f"Scored: {results['protocol']}.")
         announce(f"Saved results to: {self.output_path}")

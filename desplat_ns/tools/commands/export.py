@@ -83,7 +83,7 @@ class Masks(OfRun):
             raise ConfigError("--for-training goes neither with --invert nor with --originals.")
         check_new_folder(self.output, self.overwrite)
 
-        from desplat_ns.tools.export.export import export_masks  # seconds
+        from desplat_ns.tools.export.masks import export_masks  # seconds
 
         export_masks(files, self)
 
@@ -104,10 +104,8 @@ class Page(OfScene):
 
     def main(self) -> None:
         """As `Splats.main`."""
-        if self.output.suffix.lower() != ".html":
-            raise ConfigError(f"--output is '{self.output}'; give it the ending .html.")
+        check_new_file(self.output, self.overwrite, ending=".html")
         files = self.find()
-        check_new_file(self.output, self.overwrite)
 
         from desplat_ns.tools.scene.page import write_scene  # seconds
 

@@ -4,7 +4,6 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from desplat_ns.core.errors import ConfigError
 from desplat_ns.core.options import ranged
 from desplat_ns.core.whole import check_new_file
 from desplat_ns.tools.commands import OfRun, run
@@ -32,9 +31,7 @@ class Report(OfRun):
         """Check what can be checked at once, then load, render, write. Raises DeSplatError."""
         files = self.find()
         output = self.output or files.folder / "report.html"
-        if output.suffix != ".html":
-            raise ConfigError(f"--output is '{output}'; give it the ending .html.")
-        check_new_file(output, overwrite=True)
+        check_new_file(output, overwrite=True, ending=".html")
 
         from desplat_ns.tools.report.page import write_report  # seconds: not before the checks
 

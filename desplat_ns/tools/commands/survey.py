@@ -9,7 +9,7 @@ import tyro
 
 from desplat_ns.core.console import announce
 from desplat_ns.core.errors import CaptureError
-from desplat_ns.core.whole import check_new_file
+from desplat_ns.core.whole import check_new_file, write_output
 from desplat_ns.tools.commands import run_on_capture
 
 
@@ -36,7 +36,6 @@ class Arguments:
         file = self.output / "survey.json"
         check_new_file(file, self.overwrite)
 
-        from desplat_ns.core.whole import plain_errors, write_whole
         from desplat_ns.data.layouts import DeSplatDataParserConfig, without_prompts
         from desplat_ns.survey.survey import survey
         from desplat_ns.training.datamanager import AnyDataParser  # seconds: checks first
@@ -49,8 +48,7 @@ class Arguments:
         findings = survey(outputs)
         for line in findings.summary():
             announce(line)
-        with plain_errors(self.output):
-            write_whole(file, findings.to_json().encode())
+        write_output(file, findings.to_json().encode())
         announce(f"Saved {file}.")
 
 

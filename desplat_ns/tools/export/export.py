@@ -1,34 +1,25 @@
-"""From a run to its files: loads it, gathers, writes, says what was written."""
+"""From a run to a file of splats: loads it, gathers, writes, says what was written."""
 
 from collections.abc import Callable
 from contextlib import nullcontext
 from typing import Any
 
-import cv2
 import numpy as np
 import torch
 from jaxtyping import Bool
 from torch import Tensor
 
 from desplat_ns.backend.protocol import Rendering, View
-from desplat_ns.cameras.views import view_of
-from desplat_ns.core.console import announce, progress_over
+from desplat_ns.cameras.views import resized, view_of
+from desplat_ns.core.console import announce
 from desplat_ns.core.errors import ConfigError
 from desplat_ns.core.run_files import RunFiles
-from desplat_ns.core.whole import plain_errors, whole_folder, write_whole
-from desplat_ns.data.images import read_mask, resize_mask
+from desplat_ns.core.whole import plain_errors, write_whole
 from desplat_ns.model import DeSplatModel
 from desplat_ns.photo_tourism.shown_light import light_of
-from desplat_ns.tools.commands.export import Masks, Splats
+from desplat_ns.tools.commands.export import Splats
 from desplat_ns.tools.export.allowed_views import allowed_views, seen_by_any
 from desplat_ns.tools.export.formats import UPRIGHT, format_of
-from desplat_ns.tools.export.masks import (
-    dilated,
-    distractor_mask,
-    mask_names,
-    others_for_training,
-    photos_on_disk,
-)
 from desplat_ns.tools.export.ply import ply_bytes
 from desplat_ns.tools.export.splat_cloud import (
     SplatCloud,
@@ -88,43 +79,6 @@ def export_splats(files: RunFiles, asked: Splats) -> None:
         announce(line, warning=True)
 
 
-def export_masks(files: RunFiles, asked: Masks) -> None:
-    """Write distractor masks of photos as PNG, at the photo's full size. Raises as `load_run` and
-    `photos_on_disk`, and ConfigError where the run has no distractors, or its data parser takes no
-    masks."""
-    pipeline, output = load_run(files).pipeline, asked.output
-    model, manager = pipeline.model, pipeline.datamanager
-    if model.distractors is None:
-        raise ConfigError(
-            f"The run of {files.config} has no distractors, so there is nothing to mask: "
-            "--pipeline.model.effects.distractors was False. Train without it."
-        )
-    photos = list(photos_on_disk(manager, asked.originals))
-    others, given = others_for_training(manager) if asked.for_training else ([], None)
-    names = mask_names([name for name, _ in photos] + [f.name for f in others], asked.names)
-    shares = []
-    drawing = progress_over(len(names), "Drawing masks...")
-    with plain_errors(output), whole_folder(output) as folder, drawing as advance:
-        for index, name in enumerate(names):
-            if index < len(photos):
-                mask = dilated(distractor_mask(model, index, photos[index][1]), asked.dilate)
-                shares.append(float(mask.mean()))
-            else:
-                frame = others[index - len(photos)]
-                mask = np.zeros((frame.height, frame.width), bool)
-            if given is not None:
-                height, width = mask.shape
-                mask |= ~resize_mask(read_mask(given[index], (width, height)), width, height)
-            _, png = cv2.imencode(".png", np.uint8(255) * (mask == asked.invert))
-            (folder / name).parent.mkdir(parents=True, exist_ok=True)
-            (folder / name).write_bytes(png.tobytes())  # which tells of a full disk
-            advance()
-    announce(
-        f"Saved {len(names)} masks to {output}: {names[0]}, ... They cover {np.mean(shares):.1%} "
-        f"of the photos on average, {max(shares):.1%} at most. Empty masks: {shares.count(0.0)}."
-    )
-
-
 def static_cloud(
     pipeline: DeSplatPipeline, crop: float | None, light: str | None
 ) -> tuple[SplatCloud, Bool[Tensor, " N"]]:
@@ -177,9 +131,8 @@ def reach_of(view: View, rasterize: Callable[[View], Rendering]) -> float | None
     """Median depth of what a small version of a view shows, world units; None if that is nothing.
     `rasterize` draws the static scene with its depth."""
     factor = max(view.width, view.height) / SIDE
-    scale = torch.tensor([1 / factor, 1 / factor, 1.0]).to(view.K)
     width, height = (max(1, round(side / factor)) for side in (view.width, view.height))
-    rendering = rasterize(View(view.viewmat, view.K * scale[:, None], width, height))
+    rendering = rasterize(resized(view, (width, height)))
     assert rendering.depth is not None
     depths = rendering.depth[rendering.alpha > COVERED]
     return float(depths.median()) if len(depths) > 0 else None

@@ -14,17 +14,21 @@ from jaxtyping import Bool, Float
 from nerfstudio.cameras.cameras import Cameras, CameraType
 
 from desplat_ns.cameras.views import is_distorted
-from desplat_ns.core.console import list_names
+from desplat_ns.core.console import announce, list_names, progress_over
 from desplat_ns.core.errors import CaptureError, ConfigError
+from desplat_ns.core.run_files import RunFiles
+from desplat_ns.core.whole import plain_errors, whole_folder
 from desplat_ns.data.colmap import DeSplatColmapDataParser
 from desplat_ns.data.downscale import PhotoSource
-from desplat_ns.data.images import image_size
+from desplat_ns.data.images import image_size, read_mask, resize_mask
 from desplat_ns.data.poses import make_cameras
 from desplat_ns.data.reconstruction import Frame, read_reconstruction
 from desplat_ns.data.training_views import image_names
 from desplat_ns.layers import MASK_THRESHOLD
 from desplat_ns.model import DeSplatModel
+from desplat_ns.tools.commands.export import Masks
 from desplat_ns.tools.export.formats import Naming
+from desplat_ns.tools.loading import load_run
 from desplat_ns.tools.process.request import ORIGINALS
 from desplat_ns.training.datamanager import DeSplatDataManager
 
@@ -34,6 +38,42 @@ MARGIN = 1
 """Pixels around what is seen, for interpolation at the border."""
 CRITERIA = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 50, 1e-9)
 """When inverting a lens model stops; OpenCV's default of 5 rounds is off by pixels in corners."""
+
+
+def export_masks(files: RunFiles, asked: Masks) -> None:
+    """Write distractor masks of photos as PNG, at the photo's full size. Raises as `load_run`,
+    `photos_on_disk` and `others_for_training`; ConfigError where the run has no distractors."""
+    pipeline, output = load_run(files).pipeline, asked.output
+    model, manager = pipeline.model, pipeline.datamanager
+    if model.distractors is None:
+        raise ConfigError(
+            f"The run of {files.config} has no distractors, so there is nothing to mask: "
+            "--pipeline.model.effects.distractors was False. Train without it."
+        )
+    photos = list(photos_on_disk(manager, asked.originals))
+    others, given = others_for_training(manager) if asked.for_training else ([], None)
+    names = mask_names([name for name, _ in photos] + [f.name for f in others], asked.names)
+    shares = []
+    drawing = progress_over(len(names), "Drawing masks...")
+    with plain_errors(output), whole_folder(output) as folder, drawing as advance:
+        for index, name in enumerate(names):
+            if index < len(photos):
+                mask = dilated(distractor_mask(model, index, photos[index][1]), asked.dilate)
+                shares.append(float(mask.mean()))
+            else:
+                frame = others[index - len(photos)]
+                mask = np.zeros((frame.height, frame.width), bool)
+            if given is not None:
+                height, width = mask.shape
+                mask |= ~resize_mask(read_mask(given[index], (width, height)), width, height)
+            _, png = cv2.imencode(".png", np.uint8(255) * (mask == asked.invert))
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            (folder / name).write_bytes(png.tobytes())  # which tells of a full disk
+            advance()
+    announce(
+        f"Saved {len(names)} masks to {output}: {names[0]}, ... They cover {np.mean(shares):.1%} "
+        f"of the photos on average, {max(shares):.1%} at most. Empty masks: {shares.count(0.0)}."
+    )
 
 
 def photos_on_disk(

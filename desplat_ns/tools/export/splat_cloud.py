@@ -138,9 +138,8 @@ def similarity_to(
 
 
 def near_zero(cloud: SplatCloud) -> SplatCloud:
-    """The same Gaussians with an offset, in whole units, where places of float32, in which files
-    and viewers have them, would be off by more than `OFF_BY`, as those of geo-referenced captures.
-    """
+    """The same Gaussians with an offset, in whole units, where places of float32, as in files and
+    viewers, would be off by more than `OFF_BY`: those of geo-referenced captures."""
     reach = np.quantile(np.abs(cloud.means).max(axis=1), 1 - FAR, method="higher")
     if np.spacing(np.float32(reach)) / 2 <= OFF_BY * cloud.size:
         return cloud
@@ -149,11 +148,9 @@ def near_zero(cloud: SplatCloud) -> SplatCloud:
 
 
 def moved(cloud: SplatCloud, by: Similarity) -> SplatCloud:
-    """The same scene in other coordinates: what a camera that moves along sees does not change.
-
-    An ellipsoid is its own mirror image through its centre, so a reflection turns it as the turn of
-    opposite sign does.
-    """
+    """The same scene in other coordinates: what a camera that moves along sees does not change. An
+    ellipsoid is its own mirror image through its centre, so a reflection turns it as the turn of
+    opposite sign does."""
     w, x, y, z = quaternion_from_matrix(by.turn * np.sign(np.linalg.det(by.turn)))
     product = np.array([[w, -x, -y, -z], [x, w, -z, y], [y, z, w, -x], [z, -y, x, w]])
     quats = cloud.quats @ product.T
@@ -170,11 +167,9 @@ def moved(cloud: SplatCloud, by: Similarity) -> SplatCloud:
 def turned_harmonics(
     harmonics: Float[np.ndarray, "N K 3"], turn: Float[np.ndarray, "3 3"]
 ) -> Float[np.ndarray, "N K 3"]:
-    """Coefficients c' with sum_k c'_k Y_k(turn d) = sum_k c_k Y_k(d) for every direction d.
-
-    A turn mixes the harmonics linearly: the mixing matrix is solved for from more directions, which
-    spread over the sphere as a Fibonacci lattice, than there are harmonics, in float64.
-    """
+    """Coefficients c' with sum_k c'_k Y_k(turn d) = sum_k c_k Y_k(d) for every direction d. A turn
+    mixes the harmonics linearly: the mixing matrix is solved for from more directions, which spread
+    over the sphere as a Fibonacci lattice, than there are harmonics, in float64."""
     degree = round(harmonics.shape[1] ** 0.5) - 1
     if degree == 0:
         return harmonics

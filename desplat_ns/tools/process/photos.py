@@ -4,7 +4,6 @@ Letters in shapes: H x W pixels.
 """
 
 import hashlib
-import io
 import re
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -19,7 +18,7 @@ from jaxtyping import Float32, UInt8
 from desplat_ns.core.console import list_names, progress_over
 from desplat_ns.core.cores import cores
 from desplat_ns.core.errors import CaptureError
-from desplat_ns.core.whole import write_whole
+from desplat_ns.core.whole import draft_of
 from desplat_ns.data.images import lens_of, read_image, read_mask, resize_image, resize_mask
 from desplat_ns.data.photo_files import photo_names
 from desplat_ns.tools.process.request import Cameras
@@ -126,10 +125,8 @@ def _copy(folder: Path, photo: Photo, copies: Path, longest_side: int) -> tuple[
 
 def write_picture(path: Path, pixels: UInt8[np.ndarray, "H W *C"]) -> None:
     """Write a JPEG or PNG, by its ending, whole or not at all. Raises OSError."""
-    encoded, kind = io.BytesIO(), "PNG" if path.suffix == ".png" else "JPEG"
-    PIL.Image.fromarray(pixels).save(encoded, kind, quality=JPEG_QUALITY, subsampling=0)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    write_whole(path, encoded.getvalue())
+    with draft_of(path) as draft:
+        PIL.Image.fromarray(pixels).save(draft, quality=JPEG_QUALITY, subsampling=0)
 
 
 def check_projection(path: Path, image: UInt8[np.ndarray, "H W C"]) -> None:
@@ -169,13 +166,10 @@ def shows_two_circles(small: Float32[np.ndarray, "256 512 3"]) -> bool:
 
 def prepare_masks(mask: Path, photos: Sequence[Photo], copies: Path) -> int:
     """Blacken COPY.png in `copies` for each photo that has a mask: where no feature may be, as on a
-    watermark, a dashboard or a selfie stick. Says how many have one. Raises CaptureError where none
-    has one, or one has another shape than its photo, or cannot be read.
-
-    Args:
-        mask: a picture for all photos, or a folder with one for each, named as the photo, with any
-            ending (`a.png` or `a.jpg.png` for `a.jpg`), in a folder as the photo's or in none.
-    """
+    watermark, a dashboard or a selfie stick. How many have one. `mask`: a picture for all, or a
+    folder with one for each, named as the photo, with any ending (`a.png` or `a.jpg.png` for
+    `a.jpg`), in a folder as the photo's or in none. Raises CaptureError where no photo has one, or
+    one has another shape than its photo, or cannot be read."""
     names = photo_names(mask)
     masks = {str(PurePosixPath(name).with_suffix("")).lower(): mask / name for name in names}
     count = 0

@@ -10,7 +10,6 @@
 COLMAP's databases show what is done: photos with features, pairs with matches.
 """
 
-import json
 import shlex
 import shutil
 from collections.abc import Mapping, Sequence
@@ -22,11 +21,12 @@ from typing import Any
 from desplat_ns.core.console import announce, list_names, says_what_is_next
 from desplat_ns.core.errors import CaptureError, ConfigError
 from desplat_ns.core.options import option_of
-from desplat_ns.core.whole import IN_USE, check_room, only_process_in, write_whole
+from desplat_ns.core.whole import begun_record, check_room, only_process_in, write_record
 from desplat_ns.tools.process.photos import Photo, group_by_camera, prepare_masks, prepare_photos
 from desplat_ns.tools.process.reconstruction import FEW, PLAIN, THOROUGH, Attempt, reconstruct
 from desplat_ns.tools.process.request import MIN_PHOTOS, Request
 from desplat_ns.tools.process.undistortion import undistort
+from desplat_ns.tools.process.video import take_frames
 
 RECORD = "process.json"
 BYTES = 4_000_000
@@ -58,7 +58,7 @@ def process(request: Request, names: Sequence[str]) -> None:
                 )
             else:
                 findings = _make(request, names)
-                _write_record(output, {"asked": asked, "findings": findings})
+                write_record(output / RECORD, {"asked": asked, "findings": findings})
                 for line in report_lines(output, findings):
                     announce(line, warning=line.startswith("Warning"))
         except CaptureError:  # other photos may be tried in the folder
@@ -78,28 +78,14 @@ def is_made(output: Path, asked: Mapping[str, str]) -> bool:
     """Whether the capture is there. In a new folder the record is begun; in one with a record, a
     call with the same photos and options was at work. `asked`: options, and sources with their
     sizes. Raises ConfigError where something else lies there, or others were processed there."""
-    path = output / RECORD
-    if not path.is_file():
-        if entries := sorted(place.name for place in output.iterdir() if place.name != IN_USE):
-            raise ConfigError(
-                f"{output} holds something else: {list_names(entries, 5)}. Name an empty folder."
-            )
-        _write_record(output, {"asked": asked})
-    try:
-        record = json.loads(path.read_text("utf8"))
-        had = dict(record["asked"])
-    except (ValueError, LookupError, TypeError) as error:
-        raise ConfigError(f"{path} is damaged ({error}). Remove {output} to begin anew.") from error
+    record = begun_record(output / RECORD, {"asked": dict(asked)})
+    had = record["asked"]
     if changes := [name for name in {**asked, **had} if had.get(name) != asked.get(name)]:
         raise ConfigError(
             f"{output} was begun with other photos or options: {list_names(changes, 5)}. Give the "
             f"same to go on with it, name another folder, or remove {output} to begin anew."
         )
     return "findings" in record
-
-
-def _write_record(output: Path, record: Mapping[str, Any]) -> None:
-    write_whole(output / RECORD, json.dumps(record, indent=1, ensure_ascii=False).encode())
 
 
 def _make(request: Request, names: Sequence[str]) -> dict[str, Any]:
@@ -130,8 +116,6 @@ def _usable_photos(request: Request, names: Sequence[str]) -> list[Photo]:
     where fewer than `MIN_PHOTOS` are left, or the video's camera stands still."""
     work, folder = request.output / "work", request.photos
     if request.is_video:
-        from desplat_ns.tools.process.video import take_frames
-
         folder = work / "frames"
         names = take_frames(request.photos, folder, request.frames)
     # COLMAP's threads end the process where the disk is full
@@ -197,9 +181,6 @@ def left_out(photos: Sequence[Photo], attempt: Attempt) -> dict[str, list[str]]:
     """The probable reasons why photos are not in the first model, as far as features, matches and
     sharpness tell, each with the sources that it holds for."""
     posed = set(attempt.first.photos)
-    best = dict.fromkeys(attempt.features, 0)
-    for a, b, count in attempt.pairs:
-        best[a], best[b] = max(best[a], count), max(best[b], count)
     usual = [photo for photo in photos if photo.copy in posed or not posed]
     sharp = BLURRED * median(photo.sharpness for photo in usual)
     many = FEW_FEATURES * median(attempt.features[photo.copy] for photo in usual)
@@ -215,9 +196,10 @@ def left_out(photos: Sequence[Photo], attempt: Attempt) -> dict[str, list[str]]:
             return "blurred"
         if attempt.features[photo.copy] < many:
             return "bare, with hardly any features"
-        if best[photo.copy] == 0:
+        best = max((count for a, b, count in attempt.pairs if photo.copy in (a, b)), default=0)
+        if best == 0:
             return "no matches with any other photo: another place, or seen from too far away"
-        if best[photo.copy] < 2 * attempt.recipe.pose_inliers:
+        if best < 2 * attempt.recipe.pose_inliers:
             return "too few matches with any other photo"
         return "matches with other photos, but no pose that agrees with others"
 

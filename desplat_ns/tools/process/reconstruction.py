@@ -13,7 +13,7 @@ Letters in shapes: N photos, D numbers of a descriptor.
 import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import combinations, count
+from itertools import combinations
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -26,7 +26,7 @@ import PIL.Image  # noqa: F401
 import pycolmap
 from jaxtyping import Float32, UInt8
 
-from desplat_ns.core.console import progress_with_time_left
+from desplat_ns.core.console import progress_over, progress_with_time_left
 from desplat_ns.core.cores import cores
 from desplat_ns.core.errors import CaptureError
 from desplat_ns.tools.process.photos import Photo, group_by_camera
@@ -311,18 +311,12 @@ def map_photos(database: Path, photos: Path, models: Path, recipe: Recipe) -> li
     options.random_seed = 1  # on one thread the same photos give the same poses
     options.min_model_size = MIN_PHOTOS
     options.mapper.abs_pose_min_num_inliers = recipe.pose_inliers
-    total, placed = len(feature_counts(database)), count(1)
     shutil.rmtree(models, ignore_errors=True)
     models.mkdir()
-    with progress_with_time_left(f"Mapping ({recipe.name})", alike=False) as show:
-
-        def one_more() -> None:
-            show(min(next(placed), total), total)
-
-        told: dict[str, Any] = {
-            "initial_image_pair_callback": one_more,
-            "next_image_callback": one_more,
-        }
+    total, label = len(feature_counts(database)), f"Mapping ({recipe.name})"
+    with progress_over(total, label, alike=False) as one_more:
+        moments = "initial_image_pair_callback", "next_image_callback"
+        told: dict[str, Any] = dict.fromkeys(moments, one_more)
         mapped = pycolmap.incremental_mapping(database, photos, models, options, **told)
     found = []
     for index, model in mapped.items():

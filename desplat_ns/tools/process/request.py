@@ -17,7 +17,6 @@ from desplat_ns.data.photo_files import begin_folder, file_names, is_photo, phot
 
 Cameras = Literal["auto", "one", "folder", "photo"]
 CameraModel = Literal["auto", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "OPENCV_FISHEYE"]
-Effort = Literal["auto", "plain", "thorough"]
 MIN_PHOTOS = 3
 """Two photos can be posed, but there would be none to hold out."""
 ORIGINALS = Path("originals")
@@ -44,7 +43,7 @@ class Request:
     size; folder: those of one folder and size; photo: none."""
     camera_model: CameraModel = "auto"
     """COLMAP's name. auto: up to two terms of radial distortion, by the number of photos."""
-    effort: Effort = "auto"
+    effort: Literal["auto", "plain", "thorough"] = "auto"
     """auto: plain, and where that leaves photos out thorough, which takes several times as long."""
     mask: Path | None = None
     """Folder with a mask for each photo, or one picture for all: no features where it is black."""

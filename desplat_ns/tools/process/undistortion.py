@@ -1,6 +1,5 @@
 """The capture: photos without distortion, their model, and a picture of it from above."""
 
-import io
 import shutil
 from collections.abc import Sequence
 from pathlib import Path
@@ -15,7 +14,7 @@ from matplotlib.figure import Figure
 
 from desplat_ns.core.console import announce
 from desplat_ns.core.cores import cores
-from desplat_ns.core.whole import write_whole
+from desplat_ns.core.whole import draft_of
 from desplat_ns.tools.process.photos import JPEG_QUALITY, Photo, write_picture
 from desplat_ns.tools.process.reconstruction import Model
 from desplat_ns.tools.process.request import ORIGINALS, Request
@@ -88,6 +87,5 @@ def draw_from_above(model: pycolmap.Reconstruction, target: Path) -> None:
     plot.autoscale_view()
     plot.set_autoscale_on(False)
     plot.scatter(*points.T, c=colors, s=2, linewidths=0)
-    encoded = io.BytesIO()
-    figure.savefig(encoded, dpi=110, format="png")
-    write_whole(target, encoded.getvalue())
+    with draft_of(target) as draft:
+        figure.savefig(draft, dpi=110)

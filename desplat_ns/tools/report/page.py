@@ -12,14 +12,14 @@ from desplat_ns.core.errors import CaptureError, ConfigError
 from desplat_ns.core.pages import fitted_into, template
 from desplat_ns.core.run_files import SURVEY, RunFiles
 from desplat_ns.core.schedule import GPU_VISITS, steps_for_visits
-from desplat_ns.core.whole import plain_errors, write_whole
+from desplat_ns.core.whole import write_output
 from desplat_ns.data.splits import in_both
 from desplat_ns.evaluation.config import in_words
 from desplat_ns.evaluation.evaluate import gaussian_counts
 from desplat_ns.tools.commands.report import Report
 from desplat_ns.tools.loading import LoadedRun, even_subset, load_run
+from desplat_ns.tools.report import verdict
 from desplat_ns.tools.report.pictures import ERROR_TOP, held_out_photos, marked, training_photos
-from desplat_ns.tools.report.verdict import found_in_words, verdict
 from desplat_ns.tools.report.views import disputed_places, seen_together
 from desplat_ns.tools.scene.gather import scene_of
 from desplat_ns.tools.scene.page import scene_html
@@ -29,15 +29,12 @@ SOURCE_BYTES = 9_000_000
 """Of scene and pictures; text, and the scene's quotes written out, fit into the rest of 10 MB."""
 SCENE_BYTES = 5_500_000
 """Of the scene, with the pictures in it."""
-SIZE = "<!-- size -->"
-"""In the template, where the page names its size."""
 MUCH = 0.5
 """Share of a photo. Medians over the views need places to be free in most of them."""
 
 
 def write_report(files: RunFiles, output: Path, asked: Report) -> dict[str, Any]:
-    """Write the page of a run, and say where. Returns what it shows (`shown_of`). Raises
-    DeSplatError."""
+    """Write the page of a run, and say where; what it shows (`shown_of`). Raises DeSplatError."""
     most, run, scene = (asked.training_photos, asked.held_out_photos), load_run(files), ""
     shown = shown_of(run, *most)
     if asked.scene:
@@ -48,8 +45,7 @@ def write_report(files: RunFiles, output: Path, asked: Report) -> dict[str, Any]
         for line in left_out:
             announce(f"The scene on the page: {line}", warning=True)
     content = report_html(shown, scene).encode()
-    with plain_errors(output):
-        write_whole(output, content)
+    write_output(output, content)
     announce(f"Saved the page to: {output} ({len(content) / 1e6:.1f} MB)")
     return shown
 
@@ -61,7 +57,6 @@ def shown_of(run: LoadedRun, most_training: int, most_held_out: int) -> dict[str
     num_photos = len(manager.train_image_names)
     photos = list(training_photos(pipeline, even_subset(num_photos, most_training)))
     results, held_out = held_out_photos(pipeline, most_held_out)
-    planned = None if config.budget else config.max_num_iterations
     masks = [(photo.covered, photo.shown_anyway) for photo in photos if photo.covered is not None]
     alone, places = seen_together(pipeline)
     left_out = dict[str, list[str]]()
@@ -72,8 +67,13 @@ def shown_of(run: LoadedRun, most_training: int, most_held_out: int) -> dict[str
     visits = config.visits * (1 if config.machine.device_type == "cpu" else GPU_VISITS)
     wanted = steps_for_visits(visits, num_photos, config.nominal_num_iterations)
     splits = [each.image_filenames for each in (manager.train_dataset, manager.eval_dataset)]
-    of_photos = masks, places, left_out, wanted if config.budget else 0, in_both(*splits)
-    said = verdict(run.steps, planned, num_photos, results, *of_photos)
+    planned, images = 0 if config.budget else config.max_num_iterations, results.get("images", [])
+    said = [  # causes before consequences
+        *verdict.of_the_run(run.steps, planned, wanted, num_photos, images),
+        *verdict.of_the_photos(num_photos, in_both(*splits), places, left_out),
+        *verdict.of_the_masks(masks),
+        *verdict.of_held_out(images),
+    ]
     survey, findings = run.files.folder / SURVEY, None
     with suppress(OSError, ValueError):  # a run may have none
         findings = json.loads(survey.read_text("utf8"))
@@ -83,8 +83,8 @@ def shown_of(run: LoadedRun, most_training: int, most_held_out: int) -> dict[str
         "capture": str(config.pipeline.datamanager.data or ""),
         "config": shlex.quote(str(run.files.config)),
         "steps": run.steps,
-        "verdict": [*said],
-        "found": found_in_words(masks),
+        "verdict": said,
+        "found": verdict.found_in_words(masks),
         "num_photos": num_photos,
         "counts": gaussian_counts(model),
         "training": photos,
@@ -111,7 +111,7 @@ def report_html(shown: Mapping[str, Any], scene: str = "") -> str:
     where = next(sources) if told else ""
     drawn = [(photo, {name: next(sources) for name in photo.pictures}) for photo in photos]
     shares = {photo.name: photo.covered or 0.0 for photo in training}
-    html = template(TEMPLATE, in_words=in_words, list_names=list_names).render(
+    return template(TEMPLATE, in_words=in_words, list_names=list_names).render(
         page=shown,
         scene=scene,
         training=drawn[: len(training)],
@@ -122,4 +122,3 @@ def report_html(shown: Mapping[str, Any], scene: str = "") -> str:
         where=where,
         error_top=f"{ERROR_TOP:.0%}",
     )
-    return html.replace(SIZE, f"{len(html.encode()) / 1e6:.1f} MB large")

@@ -89,9 +89,8 @@ def held_out_photos(
     pipeline: DeSplatPipeline, most: int
 ) -> tuple[dict[str, Any], list[ShownPhoto]]:
     """The evaluation that `ns-eval` makes, of all held-out photos, and at most so many of them, the
-    worst first: means hide what a look at them shows. With 0 nothing is evaluated. Raises
-    CaptureError of a photo that cannot be read any more, DeSplatError where a figure is not finite.
-    """
+    worst first; with 0 nothing is evaluated. Raises CaptureError of a photo that cannot be read any
+    more, DeSplatError where a figure is not finite."""
     if most == 0:
         return {}, []
     worst: list[tuple[float, int, Rgb, Rgb]] = []

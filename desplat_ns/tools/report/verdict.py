@@ -1,4 +1,6 @@
-"""How good a scene is, in words, and what would make it better: causes before consequences."""
+"""How good a scene is, in words, and what would make it better; nothing is said of a good one.
+Held-out photos, `images`, are the figures of each, as `pictures.held_out_photos` has them.
+"""
 
 from collections.abc import Iterator, Mapping, Sequence
 from statistics import fmean, median
@@ -62,49 +64,21 @@ def found_in_words(masks: Sequence[tuple[float, float]]) -> str:
     return f"Something in the way was masked in {of}: {fmean(shares):.1%} of their pixels."
 
 
-def verdict(
-    steps: int,
-    planned: int | None,
-    num_photos: int,
-    results: Mapping[str, Any],
-    masks: Sequence[tuple[float, float]] = (),
-    places: Sequence[Sequence[str]] = (),
-    left_out: Mapping[str, Sequence[str]] | None = None,
-    wanted: int = 0,
-    twice: Sequence[str] = (),
+def of_the_run(
+    steps: int, planned: int, wanted: int, num_photos: int, images: Sequence[Mapping[str, Any]]
 ) -> Said:
-    """What is to be said of a scene before all else, each with its cure; nothing of a good one.
-
-    Args:
-        steps, planned: done, and of the whole run; None if a budget set its end.
-        num_photos: training photos.
-        results: of the held-out photos, as of `pictures.held_out_photos`; empty without any.
-        masks: as in `found_in_words`.
-        places: training photos in groups that show nothing in common (`views.apart`).
-        left_out: photos that got no pose, by the reason.
-        wanted: steps that so many photos ask for, where a budget set the end.
-        twice: held-out photos that train as well.
-    """
-    images = results.get("images", [])
+    """`steps` are done of those that were `planned`, or, where a budget set the end (`planned` is
+    0), of those that so many training photos ask for, `wanted`."""
     is_blurred = bool(images) and median(image["detail"] for image in images) < BLURRED
-    yield from _of_the_run(steps, planned, wanted, num_photos, is_blurred)
-    yield from _of_the_photos(num_photos, twice, places, left_out or {})
-    yield from _of_the_masks(masks)
-    yield from _of_held_out(images)
-
-
-def _of_the_run(
-    steps: int, planned: int | None, wanted: int, num_photos: int, is_blurred: bool
-) -> Said:
     blur = "The scene is blurred: the finest detail of the photos is missing."
-    if planned is not None and steps < planned:
+    if steps < planned:
         yield (
             f"The run has {steps:,} of {planned:,} steps: it was stopped, or this is one of its "
             f"earlier checkpoints.{' ' + blur if is_blurred else ''}",
             "Go on: the same `desplat` command again, or `ns-train` with --load-dir and the folder "
             "of its checkpoints.",
         )
-    elif 2 * steps < wanted:
+    elif not planned and 2 * steps < wanted:
         yield (
             f"The budget allowed {steps:,} of the {wanted:,} steps that {num_photos} photos ask "
             f"for.{' ' + blur if is_blurred else ''}",
@@ -118,12 +92,14 @@ def _of_the_run(
         )
 
 
-def _of_the_photos(
+def of_the_photos(
     num_photos: int,
     twice: Sequence[str],
     places: Sequence[Sequence[str]],
     left_out: Mapping[str, Sequence[str]],
 ) -> Said:
+    """`twice`: held-out photos that train as well; `places`: training photos in groups that show
+    nothing in common (`views.apart`); `left_out`: photos without a pose, by the reason."""
     if twice:
         yield (
             f"{len(twice)} of the held-out photos also train: their scores say nothing of new "
@@ -152,7 +128,8 @@ def _of_the_photos(
         )
 
 
-def _of_the_masks(masks: Sequence[tuple[float, float]]) -> Said:
+def of_the_masks(masks: Sequence[tuple[float, float]]) -> Said:
+    """`masks`: as in `found_in_words`."""
     masked = sum(share for share, _ in masks)
     needless = sum(share * anyway for share, anyway in masks)
     large = sum(share > LARGE for share, _ in masks)
@@ -174,7 +151,7 @@ def _of_the_masks(masks: Sequence[tuple[float, float]]) -> Said:
         )
 
 
-def _of_held_out(images: Sequence[Mapping[str, Any]]) -> Said:
+def of_held_out(images: Sequence[Mapping[str, Any]]) -> Said:
     usual = median(image["psnr"] for image in images) if images else 0.0
     if worse := [image["name"] for image in images if image["psnr"] < usual - WORSE]:
         yield (
@@ -183,22 +160,20 @@ def _of_held_out(images: Sequence[Mapping[str, Any]]) -> Said:
             "Look at them: something in the way of the photo itself counts as an error. A pose "
             "that is off, or another place, is mended by leaving the photo out.",
         )
-    holes, veils = (
-        [image for image in images if image.get(gap, 0.0) > most]
-        for gap, most in (("empty", EMPTY), ("veiled", VEILED))
+    empty, veiled = (
+        max(((image.get(gap, 0.0), image["name"]) for image in images), default=(0.0, ""))
+        for gap in ("empty", "veiled")
     )
-    if holes:
-        worst = max(holes, key=lambda image: image["empty"])
+    if empty[0] > EMPTY:
         yield (
-            f"The scene has holes: {worst['empty']:.0%} of the held-out photo {worst['name']} is "
-            "empty, because hardly any training photo shows that part.",
+            f"The scene has holes: {empty[0]:.0%} of the held-out photo {empty[1]} is empty, "
+            "because hardly any training photo shows that part.",
             "Take photos from there, or look at the scene from other places only.",
         )
-    if veils:
-        worst = max(veils, key=lambda image: image["veiled"])
+    if veiled[0] > VEILED:
         yield (
-            f"Something hangs close before the camera in {worst['veiled']:.0%} of the held-out "
-            f"photo {worst['name']}: too few training photos look through that place.",
+            f"Something hangs close before the camera in {veiled[0]:.0%} of the held-out photo "
+            f"{veiled[1]}: too few training photos look through that place.",
             "Take photos from there, or train with --pipeline.model.near-plane 0.5, which leaves "
             "out what is that close in all views.",
         )

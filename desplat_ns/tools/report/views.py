@@ -71,9 +71,8 @@ def _places(
 
 
 def alone(names: Sequence[str], shown: Bool[Tensor, "V P"]) -> dict[str, float]:
-    """Photos of which no other photo shows more than `MUCH`, with that share of what they show, the
-    largest first: an object in the way would be taken for the scene there. `shown`: which points
-    each photo shows."""
+    """Photos that alone show more than `MUCH` of what they do, by the points that each shows, with
+    that share, the largest first: an object in the way would be taken for the scene there."""
     lonely = shown & (shown.sum(dim=0) == 1)
     shares = (lonely.sum(dim=1) / shown.sum(dim=1).clamp(min=1)).tolist()
     ranked = sorted(zip(shares, names, strict=True), reverse=True)
@@ -81,16 +80,14 @@ def alone(names: Sequence[str], shown: Bool[Tensor, "V P"]) -> dict[str, float]:
 
 
 def apart(names: Sequence[str], shown: Bool[Tensor, "V P"]) -> list[list[str]]:
-    """Photos in groups, the largest first: two are in one where they show `IN_COMMON` of what the
-    one that shows less does, or others link them. A group of one photo is none. `shown`: as for
-    `alone`."""
+    """Photos in groups, the largest first, none of a single one: two are in one where they share
+    `IN_COMMON` of the points that the one which shows fewer does, or others link them."""
     points = shown.float()
     fewer = torch.minimum(*torch.broadcast_tensors(points.sum(1), points.sum(1)[:, None]))
     is_linked = points @ points.T >= IN_COMMON * fewer.clamp(min=1)
     group = torch.arange(len(names))
     for _ in names:  # each takes the least number among those that it is linked with
-        least = torch.where(is_linked.cpu(), group, len(names)).amin(dim=1).minimum(group)
-        group = least
+        group = torch.where(is_linked.cpu(), group, len(names)).amin(dim=1).minimum(group)
     found = [[n for n, g in zip(names, group, strict=True) if g == one] for one in group.unique()]
     return sorted((each for each in found if len(each) > 1), key=len, reverse=True)
 
@@ -152,9 +149,8 @@ def unlike_in(
 
 @torch.no_grad()
 def disputed_places(means: Float[Tensor, "N 3"], photos: Sequence[Unlike]) -> Disputed | None:
-    """The disputed places among static Gaussians, if more than `MAX_DISPUTED` of those that
-    `MIN_VIEWS` photos see are. Static Gaussians do not hide one another here: an object in the way
-    hides all behind it."""
+    """The disputed places among static Gaussians, if they are more than `MAX_DISPUTED` of those
+    that `MIN_VIEWS` photos see. None hides another: an object in the way hides all behind it."""
     if not photos:
         return None
     places, found = sampled(means.detach(), MAX_PLACES), []

@@ -223,10 +223,8 @@ def _weights(pipeline: DeSplatPipeline, cloud: SplatCloud) -> np.ndarray:
 
 
 def light_of(model: DeSplatModel, light: str | None) -> str:
-    """Whose light a page shows; empty where all photos have the same.
-
-    Of cameras' exposures (`camera`) it is always the average: they are no colours of Gaussians.
-    """
+    """Whose light a page shows; empty where all photos have the same. Of cameras' exposures
+    (`camera`) it is always the average: they are no colours of Gaussians."""
     if not model.effects.image_light:
         return ""
     if model.effects.appearance == "camera":

@@ -15,7 +15,7 @@ from desplat_ns.core.console import announce
 from desplat_ns.core.errors import ConfigError
 from desplat_ns.core.pages import Picture, fitted_into, template
 from desplat_ns.core.run_files import RunFiles
-from desplat_ns.core.whole import plain_errors, write_whole
+from desplat_ns.core.whole import write_output
 from desplat_ns.tools.commands.export import Page
 from desplat_ns.tools.export.splat_cloud import SplatCloud, moved, turned_harmonics
 from desplat_ns.tools.export.spz import color_bytes, placed, spz_bytes
@@ -23,12 +23,9 @@ from desplat_ns.tools.loading import load_run
 from desplat_ns.tools.scene.gather import TO_PAGE, PageScene, scene_of
 
 HERE = Path(__file__).parent
-TEMPLATE = HERE / "page.html.jinja"
+VIEWER = HERE / "viewer"
 SCRIPTS = ("files.js", "cameras.js", "drawing.js", "frusta.js", "controls.js", "page.js")
 IMPORT = re.compile(r"^import .*?;\n", re.MULTILINE | re.DOTALL)
-STYLE = HERE / "scene.css"
-VIEWER = HERE / "viewer" / "viewer.js.gz"
-WASM = HERE / "viewer" / "spark.wasm.gz"
 PICTURES_SHARE, PICTURES_MOST = 0.4, 9_000_000
 """Of the page's bytes that pictures may take, and bytes that they take at most."""
 BASE64 = 3 / 4
@@ -45,8 +42,7 @@ def write_scene(files: RunFiles, asked: Page) -> None:
     contents = scene_of(load_run(files), *photos, asked.crop, asked.light)
     text, left_out = scene_html(contents, int(asked.megabytes * 1e6))
     content = text.encode()
-    with plain_errors(asked.output):
-        write_whole(asked.output, content)
+    write_output(asked.output, content)
     announce(f"Saved {asked.output}: a page with the scene in it, {len(content) / 1e6:.1f} MB.")
     for line in left_out:
         announce(line, warning=True)
@@ -72,7 +68,7 @@ def scene_html(contents: PageScene, most: int) -> tuple[str, list[str]]:
 
     def page(scene: str, kept: int, reduced: str = "", others: Sequence[Any] = ()) -> str:
         first = {"name": contents.light, "background": contents.background, "change": ""}
-        return template(TEMPLATE).render(
+        return template(HERE / "page.html.jinja").render(
             page=contents,
             scene=scene,
             kept=kept,
@@ -82,9 +78,9 @@ def scene_html(contents: PageScene, most: int) -> tuple[str, list[str]]:
             data={"cameras": cameras, "lights": [first, *others], "antialiased": cloud.antialiased},
             renderings=renderings,
             script=script(),
-            style=STYLE.read_text("utf8"),
-            viewer=_text(VIEWER.read_bytes()),
-            wasm=_text(WASM.read_bytes()),
+            style=(HERE / "scene.css").read_text("utf8"),
+            viewer=_text((VIEWER / "viewer.js.gz").read_bytes()),
+            wasm=_text((VIEWER / "spark.wasm.gz").read_bytes()),
         )
 
     room = most - len(page("", 0).encode()) - 1_000

@@ -5,20 +5,19 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import tyro
+from nerfstudio.configs.method_configs import all_methods
+
 from desplat_ns.core.errors import CaptureError, DeSplatError
 
 
 def method_config(method: str) -> Any:
     """A copy of the configuration of a method of nerfstudio's. Raises KeyError of another name."""
-    from nerfstudio.configs.method_configs import all_methods  # takes seconds: not for `--help`
-
     return copy.deepcopy(all_methods[method])
 
 
 def parse(method: str, options: Sequence[str]) -> Any:
     """The configuration that `ns-train` makes of a method and options. Raises SystemExit."""
-    import tyro
-
     config = method_config(method)
     kind = (tyro.conf.SuppressFixed, tyro.conf.FlagConversionOff)  # as nerfstudio 1.1.5
     return tyro.cli(type(config), default=config, args=options, config=kind)

@@ -58,13 +58,12 @@ class PaperScene:
 
 
 def _scenes(data_set: str, downscale: int | None, names: str, *reader: str) -> list[PaperScene]:
-    """Scenes `A, B (1)`, whose folders are called `a` and `b1`."""
-    reader = reader or (f"{data_set}-data",)
-    folders = {name: re.sub(r" \((\d)\)", r"\1", name).lower() for name in names.split(", ")}
-    return [
-        PaperScene(data_set, name, re.sub("[ -]", "_", folder), reader, downscale)
-        for name, folder in folders.items()
-    ]
+    """Scenes `A, B C (1)`, whose folders are called `a` and `b_c1`."""
+    reader, scenes = reader or (f"{data_set}-data",), list[PaperScene]()
+    for name in names.split(", "):
+        folder = re.sub("[ -]", "_", re.sub(r" \((\d)\)", r"\1", name).lower())
+        scenes.append(PaperScene(data_set, name, folder, reader, downscale))
+    return scenes
 
 
 ROBUSTNERF = _scenes("robustnerf", 8, "Statue, Android, Crab (1), Crab (2), Yoda")
@@ -118,8 +117,7 @@ METHODS = {
         Method("splatfacto-w-a", _TOURISM, "Splatfacto-W-A", _W_A, has_light=True),
     )
 }
-"""Splatfacto has its settings in this package, and the appearance model of Splatfacto-W is without
-its masks."""
+"""Splatfacto has this package's settings, and Splatfacto-W's appearance model is without masks."""
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from desplat_ns.core.errors import ConfigError
-from desplat_ns.core.whole import IN_USE, plain_errors, write_whole
+from desplat_ns.core.whole import check_ours, write_output
 from desplat_ns.tools.studies.machine import code_version, short
 
 FILE = "records.jsonl"
@@ -63,18 +63,14 @@ def load(path: Path) -> dict[Key, Record]:
 def save(path: Path, records: Iterable[Record]) -> None:
     """Write a file of records, whole or not at all. Raises ConfigError where it cannot."""
     text = "".join(f"{json.dumps(asdict(record))}\n" for record in records)
-    with plain_errors(path):
-        write_whole(path, text.encode())
+    write_output(path, text.encode())
 
 
 def open_records(folder: Path) -> dict[Key, Record]:
     """The records in a command's output folder, which has a file of them from then on. Raises
     ConfigError where the folder holds something else, or runs by other code."""
-    there = folder.iterdir() if folder.is_dir() and not (folder / FILE).exists() else ()
-    if any(path.name not in (IN_USE, RUNS) for path in there):
-        raise ConfigError(
-            f"--output is '{folder}', which holds something else. Name a new or empty folder."
-        )
+    if not (folder / FILE).exists():
+        check_ours(folder, RUNS)
     records, code = load(folder / FILE), code_version()
     for other in {record.commit for record in records.values()} - {code}:
         raise ConfigError(

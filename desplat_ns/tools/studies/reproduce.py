@@ -172,7 +172,7 @@ def smaller(scene: PaperScene, side: int) -> PaperScene:
 
 def cells_of(grid: Grid, records: dict[Key, Record]) -> dict[tuple[str, str, str], dict[str, Any]]:
     """All figures, and means where a seed has all scenes; by metric, method and scene. `values` are
-    those of the seeds, `difference` ours less the paper's, None where the paper has no figure."""
+    those of the seeds, `paper` is None where the paper has no figure."""
     scenes = [scene.name for scene in grid.scenes]
     is_whole = grid.smoke is not None or not grid.missing
     done = {at: records[run.key].scores for at, run in grid.runs.items() if run.key in records}
@@ -192,7 +192,6 @@ def cells_of(grid: Grid, records: dict[Key, Record]) -> dict[tuple[str, str, str
                 cell = {"scene": name, "method": method.name, "metric": metric.name}
                 mean, paper = fmean(known), grid.published.get((method.paper, name, metric.name))
                 cell |= {"values": known, "mean": mean, "paper": paper}
-                cell["difference"] = None if paper is None else mean - paper
                 cells[metric.name, method.name, name] = cell
     return cells
 

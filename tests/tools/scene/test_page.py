@@ -136,7 +136,7 @@ def test_next_to_no_room_is_an_error_that_says_what_to_do(most: int):
         fitted(cloud(), most, by_opacity)
 
 
-@pytest.mark.parametrize("path", sorted(VIEWER.parent.glob("*.gz")), ids=lambda path: path.name)
+@pytest.mark.parametrize("path", sorted(VIEWER.glob("*.gz")), ids=lambda path: path.name)
 def test_the_viewers_libraries_have_their_licences_and_name_no_registry(path: Path):
     named = re.compile(rb"registry\.|crates\.io|npmjs|pypi", re.IGNORECASE)
     assert named.findall(gzip.decompress(path.read_bytes())) == []

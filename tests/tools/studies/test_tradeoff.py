@@ -11,10 +11,9 @@ from desplat_ns.core.effects import Effects
 from desplat_ns.core.errors import ConfigError, DeSplatError
 from desplat_ns.tools.studies import tradeoff as module
 from desplat_ns.tools.studies.methods import parse
-from desplat_ns.tools.studies.page import gain, write_page
 from desplat_ns.tools.studies.records import FILE, Record, load, open_records
 from desplat_ns.tools.studies.runs import Run
-from desplat_ns.tools.studies.tradeoff import BASE, GROWTH, SEEDS, Study, compared
+from desplat_ns.tools.studies.tradeoff import BASE, GROWTH, SEEDS, Study, compared, gain, write_page
 from tests.helpers.made_up_runs import made_up
 
 pytestmark = pytest.mark.usefixtures("tyro_may_build")
