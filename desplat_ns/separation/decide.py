@@ -27,7 +27,7 @@ class Thresholds:
     """Evidence of each cell of a region."""
     strong: float = 0.15
     """Evidence of a strong cell."""
-    strong_share: float = 0.6
+    strong_share: float = 0.4
     """Share of a region's cells, of those of which anybody knows, that are strong or touch a strong
     one: in foliage single cells stand out."""
     peak_levels: float = 10.0
