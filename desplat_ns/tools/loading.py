@@ -52,11 +52,15 @@ def load_run(
     change: Callable[[RunConfig], RunConfig] = lambda config: config,
     needs_photos: bool = True,
 ) -> LoadedRun:
-    """Load a run as nerfstudio's `eval_setup` does, after a `change` of its configuration. Where no
-    photos are needed, the training cameras are those of the checkpoint, if it has them, and the
-    capture is not looked for. Raises CaptureError where the capture cannot be read any more,
-    CheckpointError where no checkpoint is intact or of this run, ConfigError where another version
-    wrote config.yml, or it names what no run needs."""
+    """Load a run as nerfstudio's `eval_setup` does. Raises CaptureError where its capture cannot be
+    read any more, CheckpointError where no checkpoint is intact or of this run, ConfigError where
+    another version wrote config.yml, or it names what no run needs.
+
+    Args:
+        change: of its configuration, before the pipeline is made.
+        needs_photos: without them the training cameras are those of the checkpoint, if it has them,
+            and the capture is not looked for.
+    """
     try:
         config: Any = yaml.load(files.config.read_text("utf8"), Loader=RunLoader)
         config.relative_model_dir = files.checkpoints

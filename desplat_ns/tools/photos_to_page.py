@@ -55,10 +55,17 @@ FILES = {"report": "report.html", "page": "scene.html", "ply": "scene.ply", "mas
 
 
 def make(photos: Path, output: Path, method: str, budget: float | None) -> None:
-    """Make what is missing in `output` of a folder of photos, a video, a capture, or a run's
-    config.yml, in `budget` seconds, or without in as many steps as the photos ask for; say what
-    came out. Raises as `_begun`, DeSplatError as the parts do, and keeps what is done, SystemExit
-    where training was stopped."""
+    """Make what is missing in `output`, and say what came out.
+
+    Args:
+        photos: a folder of photos, a video, a capture, or a run's config.yml.
+        budget: seconds of all parts together; None for as many steps as the photos ask for.
+
+    Raises:
+        ConfigError: `output` holds something else, or the output of other photos.
+        DeSplatError: as of the parts; what is done is kept.
+        SystemExit: training was stopped.
+    """
     began = time.monotonic()
     CONSOLE.log = lambda *_, **__: None  # nerfstudio's, each with a line of its source
     with only_process_in(output):

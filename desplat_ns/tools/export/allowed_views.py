@@ -35,7 +35,8 @@ def neighbours(poses: Float[Tensor, "V 3 4"]) -> list[tuple[int, int]]:
 
 
 def allowed_views(cameras: Cameras) -> Iterator[View]:
-    """Of all training cameras, shape [V]; then half-way between neighbours, with one's lens."""
+    """The views of all training cameras, shape [V], then those half-way between neighbours, with
+    the lens of one."""
     yield from views_of(cameras)
     poses = cameras.camera_to_worlds
     for i, j in neighbours(poses):
@@ -48,10 +49,14 @@ def allowed_views(cameras: Cameras) -> Iterator[View]:
 def seen_by_any(
     splats: Splats, views: Iterable[View], points: Float[Tensor, "P 3"] | None, near_plane: float
 ) -> Bool[Tensor, " N"]:
-    """Which Gaussians some view shows: they reach into its image and lie beyond `near_plane`, a
-    share of the depth at which the scene, by the reconstruction's `points`, starts there; without
-    points nothing is too near. What stands before them does not count: it may be gone in a view
-    beside."""
+    """Which Gaussians some view shows: they reach into its image and lie beyond its near plane.
+
+    What stands before them does not count: it may be gone in a view beside.
+
+    Args:
+        points: of the reconstruction; without them nothing is too near.
+        near_plane: of each view, as a share of the depth at which the scene starts there.
+    """
     unseen = torch.arange(len(splats.means), device=splats.means.device)
     for view in views:
         if len(unseen) == 0:

@@ -166,10 +166,13 @@ def shows_two_circles(small: Float32[np.ndarray, "256 512 3"]) -> bool:
 
 def prepare_masks(mask: Path, photos: Sequence[Photo], copies: Path) -> int:
     """Blacken COPY.png in `copies` for each photo that has a mask: where no feature may be, as on a
-    watermark, a dashboard or a selfie stick. How many have one. `mask`: a picture for all, or a
-    folder with one for each, named as the photo, with any ending (`a.png` or `a.jpg.png` for
-    `a.jpg`), in a folder as the photo's or in none. Raises CaptureError where no photo has one, or
-    one has another shape than its photo, or cannot be read."""
+    watermark, a dashboard or a selfie stick. Says how many have one. Raises CaptureError where none
+    has one, or one has another shape than its photo, or cannot be read.
+
+    Args:
+        mask: a picture for all photos, or a folder with one for each, named as the photo, with any
+            ending (`a.png` or `a.jpg.png` for `a.jpg`), in a folder as the photo's or in none.
+    """
     names = photo_names(mask)
     masks = {str(PurePosixPath(name).with_suffix("")).lower(): mask / name for name in names}
     count = 0

@@ -30,7 +30,8 @@ standard deviations of the first, from which on it found nothing: 0.01 to 0.02 w
 moved by 0.04 of its width or less, 0.16 at most where one frame is shaken, 0.8 to 2.6 between
 frames that are a second's walk apart. And what it is taken to have moved by then."""
 TEXTURED = 0.8
-"""Quantile of the texture, above which motion is seen: a plain wall behind an object shows none."""
+"""Quantile of the texture: motion is seen in the fifth of the pixels above it. A plain wall behind
+an object shows none."""
 
 
 @dataclass(frozen=True)

@@ -65,8 +65,9 @@ Do = Callable[[Run, Path], Record]
 
 
 def execute(run: Run, folder: Path) -> Record:
-    """Train and score a run. Its log and pictures stay in a folder of its name, instead of those of
-    an earlier one; checkpoints go. Raises as `train_and_score`, CaptureError without a capture."""
+    """Train and score a run. Its log and pictures stay in a folder of its name, instead of an
+    earlier run's; checkpoints are removed. Raises as `train_and_score`, CaptureError where there is
+    no capture."""
     if not run.data.exists():
         raise CaptureError(f"There is no {run.data}, the capture of {run.name}.")
     place = folder / run.name
@@ -132,9 +133,14 @@ def finish(
     left: Callable[[], str] = str,
     do: Do = execute,
 ) -> dict[str, str]:
-    """Do all runs that have no record, each asked for when the one before is done; put it with the
-    `records`, and in the output folder's file, as it ends, and say so with what is `left`. Why some
-    failed, by name. Raises ConfigError where records cannot be written."""
+    """Do all runs that have no record, record each as it ends, and say so; why some failed, by
+    name. Raises ConfigError where records cannot be written.
+
+    Args:
+        runs: the next is asked for when the one before is done.
+        records: those in the output folder; new ones are added.
+        left: says after each run what is left.
+    """
     failed, folder = dict[str, str](), (output / RUNS).resolve()
     for run in runs:
         if run.key in records:
