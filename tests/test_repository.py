@@ -34,6 +34,12 @@ def test_no_tracked_file_is_of_one_machine_or_large(checkout: Path):
             assert not FOREIGN.search(text) and f"{checkout}/" not in text, path
 
 
+def test_the_root_method_configs_is_a_link_into_the_package(checkout: Path):
+    link = checkout / "method_configs.py"
+    assert link.is_symlink()
+    assert link.readlink() == Path("desplat_ns/method_configs.py")
+
+
 def test_shapes_are_checked_while_the_tests_run():
     """Fails where pytest runs without jaxtyping's two-entry option: shapes would go unchecked."""
     with pytest.raises(Exception, match=r"[Tt]ype-check"):

@@ -185,6 +185,10 @@ def left_out(photos: Sequence[Photo], attempt: Attempt) -> dict[str, list[str]]:
     sharp = BLURRED * median(photo.sharpness for photo in usual)
     many = FEW_FEATURES * median(attempt.features[photo.copy] for photo in usual)
 
+    best = dict.fromkeys(attempt.features, 0)
+    for a, b, count in attempt.pairs:
+        best[a], best[b] = max(best[a], count), max(best[b], count)
+
     def reason(photo: Photo) -> str:
         for other in attempt.models[1:]:
             if photo.copy in other.photos:
@@ -196,10 +200,9 @@ def left_out(photos: Sequence[Photo], attempt: Attempt) -> dict[str, list[str]]:
             return "blurred"
         if attempt.features[photo.copy] < many:
             return "bare, with hardly any features"
-        best = max((count for a, b, count in attempt.pairs if photo.copy in (a, b)), default=0)
-        if best == 0:
+        if best[photo.copy] == 0:
             return "no matches with any other photo: another place, or seen from too far away"
-        if best < 2 * attempt.recipe.pose_inliers:
+        if best[photo.copy] < 2 * attempt.recipe.pose_inliers:
             return "too few matches with any other photo"
         return "matches with other photos, but no pose that agrees with others"
 

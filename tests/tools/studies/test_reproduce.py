@@ -1,6 +1,8 @@
 """The paper's tables: every method on every scene with every seed, killed at any time; the
 protocols are those of the supplement, and its figures were copied without a slip."""
 
+import json
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -142,6 +144,17 @@ def test_the_mean_is_that_of_scenes_and_then_of_seeds_that_have_all():
     assert MEAN not in cells(scenes=2), "there is no mean of a part of the scenes"
     found = cells(absent=("Sacre Coeur", 43))
     assert found["Sacre Coeur"]["values"] == [20.0] and found[MEAN]["values"] == [23.0]
+
+
+def test_the_page_has_ours_the_papers_and_the_difference(made, tmp_path: Path):
+    folder = made("A7", tmp_path / "out", methods=("desplat-paper", "splatfacto"), seeds=2)
+    page = (folder / "table.md").read_text()
+    assert re.search(r"\| splatfacto \| 4\d\.\d\d \(paper 38\.19, \+\d\.\d\d\) \|", page)
+    assert "| WildGaussians, the paper's | - | - | - | - | - | 215.64 | 480.52 |" in page
+    content = json.loads((folder / "table.json").read_text())
+    assert len(content["cells"]) == 2 * 2 * 12 and content["smoke"] is False
+    assert content["conditions"]["seeds"] == [42, 43]
+    assert content["conditions"]["devices"] == ["a device"]
 
 
 @pytest.mark.parametrize("table", TABLES.values(), ids=TABLES)
