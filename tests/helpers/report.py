@@ -53,7 +53,6 @@ def contents(**changes: Any) -> dict[str, Any]:
         "verdict": [],
         "found": "",
         "distractors": DistractorConfig(start="residual"),
-        "disputed": None,
         "alone": {"photo_1.png": 0.2},
         "training": [training_photo(f"photo_{number}.png") for number in range(3)],
         "held_out": [held_out_photo("extra.png")],

@@ -19,8 +19,8 @@ from desplat_ns.evaluation.evaluate import gaussian_counts
 from desplat_ns.tools.commands.report import Report
 from desplat_ns.tools.loading import LoadedRun, even_subset, load_run
 from desplat_ns.tools.report import verdict
-from desplat_ns.tools.report.pictures import ERROR_TOP, held_out_photos, marked, training_photos
-from desplat_ns.tools.report.views import disputed_places, seen_together
+from desplat_ns.tools.report.pictures import ERROR_TOP, held_out_photos, training_photos
+from desplat_ns.tools.report.views import seen_together
 from desplat_ns.tools.scene.gather import scene_of
 from desplat_ns.tools.scene.page import scene_html
 
@@ -91,7 +91,6 @@ def shown_of(run: LoadedRun, most_training: int, most_held_out: int) -> dict[str
         "held_out": held_out,
         "results": results,  # empty where none are held out
         "distractors": None if model.distractors is None else model.distractors.config,
-        "disputed": disputed_places(model.means, [p.unlike for p in photos if p.unlike]),
         "alone": alone,
         "effects": model.effects,
         "survey": findings,
@@ -103,12 +102,9 @@ def report_html(shown: Mapping[str, Any], scene: str = "") -> str:
     """The page of what `shown_of` gave, with that of the scene on top, if any; photos that are
     covered most come first. Raises ConfigError where pictures do not fit into `SOURCE_BYTES`."""
     training = sorted(shown["training"], key=lambda photo: -(photo.covered or 0.0))
-    photos, disputed = [*training, *shown["held_out"]], shown["disputed"]
-    first = [photo for photo in training if disputed and photo.name == disputed.names[0]]
-    told = [marked(photo, disputed.where) for photo in first]
+    photos = [*training, *shown["held_out"]]
     of_photos = [picture for photo in photos for picture in photo.pictures.values()]
-    sources = iter(fitted_into([*told, *of_photos], SOURCE_BYTES - len(scene)))
-    where = next(sources) if told else ""
+    sources = iter(fitted_into(of_photos, SOURCE_BYTES - len(scene)))
     drawn = [(photo, {name: next(sources) for name in photo.pictures}) for photo in photos]
     shares = {photo.name: photo.covered or 0.0 for photo in training}
     return template(TEMPLATE, in_words=in_words, list_names=list_names).render(
@@ -119,6 +115,5 @@ def report_html(shown: Mapping[str, Any], scene: str = "") -> str:
         hidden=[name for name, share in shares.items() if share > MUCH],
         much=f"{MUCH:.0%}",
         held_out=drawn[len(training) :],
-        where=where,
         error_top=f"{ERROR_TOP:.0%}",
     )

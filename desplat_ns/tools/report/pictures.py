@@ -10,16 +10,13 @@ from typing import Any
 import cv2
 import numpy as np
 import torch
-from jaxtyping import Bool, UInt8
+from jaxtyping import UInt8
 from torch import Tensor
 
 from desplat_ns.cameras.near_plane import scene_start
-from desplat_ns.cameras.views import view_of
 from desplat_ns.core.console import progress_over
 from desplat_ns.core.pages import Picture, over_checkerboard, picture_of, to_rgb8
-from desplat_ns.distractors.distractors import apply_mask
 from desplat_ns.tools.report.verdict import detail_kept, shown_anyway
-from desplat_ns.tools.report.views import Unlike, unlike_in
 from desplat_ns.tools.scene.gather import Rgb
 from desplat_ns.training.pipeline import DeSplatPipeline
 
@@ -44,7 +41,6 @@ class ShownPhoto:
     """Share of the photo inside the mask, in [0, 1]."""
     shown_anyway: float = 0.0
     """Share of the mask where the static scene shows what the photo does."""
-    unlike: Unlike | None = None
     figures: Mapping[str, Any] = field(default_factory=dict)
     """Of the evaluation."""
 
@@ -58,31 +54,20 @@ def training_photos(pipeline: DeSplatPipeline, chosen: Sequence[int]) -> Iterato
             camera = camera.to(pipeline.device)
             outputs = model.get_outputs_for_camera(camera)
             photo = model.photo_of(outputs["background"], batch["image"])
-            name, covered, anyway, unlike = manager.train_image_names[index], None, 0.0, None
+            name, covered, anyway = manager.train_image_names[index], None, 0.0
             static = outputs.get("rgb_static", outputs["rgb"])
             pictures = {"photo": picture_of(photo, CARD), "rendering": picture_of(static, CARD)}
             if model.distractors is not None:
-                alpha_d, seen = outputs["alpha_distractor"], photo
-                if "mask" in batch:
-                    seen, _ = apply_mask(photo, static, batch["mask"].to(photo.device))
-                by = model.distractors.thresholds
-                unlike = unlike_in(name, view_of(camera), alpha_d, seen, static, by)
                 mask = outputs["distractor_mask"].float()
                 covered, anyway = float(mask.mean()), shown_anyway(photo, static, mask)
-                drawn = (outputs["rgb_distractor"].cpu().numpy(), alpha_d.cpu().numpy())
-                drawn = over_checkerboard(*drawn, max(8, max(photo.shape) // 48))
+                layer = (
+                    outputs[each].cpu().numpy() for each in ("rgb_distractor", "alpha_distractor")
+                )
+                drawn = over_checkerboard(*layer, max(8, max(photo.shape) // 48))
                 pictures["distractors"] = picture_of(drawn, BESIDE)
                 pictures["mask"] = picture_of(mask, BESIDE)
-            yield ShownPhoto(name, pictures, covered, anyway, unlike)
+            yield ShownPhoto(name, pictures, covered, anyway)
             advance()
-
-
-def marked(photo: ShownPhoto, where: Bool[np.ndarray, "rows columns"]) -> Picture:
-    """A photo that is dark but where cells of it are set, and in gaps of one cell."""
-    pixels = photo.pictures["photo"].pixels
-    closed = cv2.morphologyEx(where.astype(np.float32), cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
-    light = cv2.resize(closed, pixels.shape[1::-1], interpolation=cv2.INTER_AREA)
-    return Picture((pixels * (0.25 + 0.75 * light[..., None])).astype(np.uint8), BESIDE)
 
 
 def held_out_photos(

@@ -6,13 +6,11 @@ import re
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
 import pytest
 
 from desplat_ns.core.pages import Picture
 from desplat_ns.tools.report import page
 from desplat_ns.tools.report.page import report_html
-from desplat_ns.tools.report.views import Disputed
 from tests.helpers.html import Elements
 from tests.helpers.report import contents, held_out_photo, noise, plain_photo, training_photo
 
@@ -79,9 +77,6 @@ def test_pictures_get_what_the_scene_leaves_of_the_page(monkeypatch):
     assert size("s" * (1_500_001 - alone)) < alone
 
 
-DISPUTED = Disputed(0.3, ["photo_1.png", "photo_2.png"], np.ones((4, 6), bool))
-
-
 def said(**changes: Any) -> list[str]:
     """What is said of a run in which nothing stands out, but for the changes."""
     text = report_html(contents(**{"alone": {}, **changes}))
@@ -99,7 +94,6 @@ def covered(*shares: float) -> list[Any]:
         ({"verdict": [("Blurred.", "Train on.")]}, ["Blurred.", "Train on."]),
         ({"training": covered(0.7, 0.1, 0.1)}, ["1 of 3", "0.png", "strong-excess (now"]),
         ({"training": covered(0.7, 0.9, 0.1)}, ["2 of 3", "1.png, 0.png", "affine", "lambda-d"]),
-        ({"disputed": DISPUTED}, ["30%", "photo_1.png, photo_2.png", "<img"]),
         ({"alone": {"a.jpg": 0.5}}, ["a.jpg (50%)."]),
         ({"alone": dict.fromkeys("abcd", 0.5)}, ["a (50%), b (50%), c (50%) and 1 more."]),
     ],

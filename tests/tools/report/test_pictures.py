@@ -10,4 +10,4 @@ def test_a_photo_of_a_run_without_distractors_stands_beside_the_scene_alone(tiny
     pipeline.eval()
     (photo,) = training_photos(pipeline, [1])
     assert photo.pictures.keys() == {"photo", "rendering"}
-    assert photo.covered is None and photo.unlike is None
+    assert photo.covered is None
