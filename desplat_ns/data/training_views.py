@@ -1,9 +1,10 @@
-"""Which training view is this: its number, its name."""
+"""Which training view is this: its number, its name; and which of many stand for all."""
 
 import os
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
 from nerfstudio.cameras.cameras import Cameras
 
 
@@ -28,3 +29,8 @@ def image_names(paths: Sequence[Path]) -> list[str]:
     paths = [path.absolute() for path in paths]
     folder = os.path.commonpath([path.parent for path in paths]) if paths else ""
     return [path.relative_to(folder).as_posix() for path in paths]
+
+
+def even_subset(count: int, most: int) -> list[int]:
+    """At most `most` of the numbers from 0 to `count` - 1, evenly spread, both ends among them."""
+    return [int(i) for i in np.linspace(0, count - 1, min(count, most)).round()]

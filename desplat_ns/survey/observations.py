@@ -21,6 +21,7 @@ from desplat_ns.core.cores import cores
 from desplat_ns.data.dataset import CaptureDataset
 from desplat_ns.data.images import resize_image, resize_mask
 from desplat_ns.data.reconstruction import TRACKS
+from desplat_ns.data.training_views import even_subset
 
 LONGEST_SIDE = 400
 """Pixels of the small copies."""
@@ -228,8 +229,7 @@ def _look_at(
     capture: DataparserOutputs, most: int, xyz: Float[np.ndarray, "N 3"]
 ) -> tuple[list[int], list[_Look]]:
     """Of at most so many photos, evenly spread, their numbers and what they show of points."""
-    count = len(capture.image_filenames)
-    indices = np.linspace(0, count - 1, min(count, most)).round().astype(int).tolist()
+    indices = even_subset(len(capture.image_filenames), most)
     dataset = CaptureDataset(capture)
 
     def look(index: int) -> _Look:

@@ -6,7 +6,6 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-import numpy as np
 import torch
 import yaml
 from nerfstudio.cameras.cameras import Cameras
@@ -86,8 +85,3 @@ def load_run(
     pipeline.eval()
     checkpoint, step = eval_utils.eval_load_checkpoint(config, pipeline)
     return LoadedRun(files, config, pipeline, checkpoint, step + 1)
-
-
-def even_subset(count: int, most: int) -> list[int]:
-    """At most `most` of the numbers from 0 to `count` - 1, evenly spread, both ends among them."""
-    return [int(i) for i in np.linspace(0, count - 1, min(count, most)).round()]

@@ -15,6 +15,7 @@ from desplat_ns.core.console import announce
 from desplat_ns.core.errors import ConfigError
 from desplat_ns.core.run_files import RunFiles
 from desplat_ns.core.whole import plain_errors, write_whole
+from desplat_ns.data.training_views import even_subset
 from desplat_ns.model import DeSplatModel
 from desplat_ns.photo_tourism.shown_light import light_of
 from desplat_ns.tools.commands.export import Splats
@@ -30,7 +31,7 @@ from desplat_ns.tools.export.splat_cloud import (
     similarity_to,
 )
 from desplat_ns.tools.export.spz import placed, spz_bytes
-from desplat_ns.tools.loading import even_subset, load_run
+from desplat_ns.tools.loading import load_run
 from desplat_ns.training.pipeline import DeSplatPipeline
 
 WRITERS = {".ply": ply_bytes, ".spz": spz_bytes}

@@ -14,10 +14,11 @@ from desplat_ns.core.run_files import SURVEY, RunFiles
 from desplat_ns.core.schedule import GPU_VISITS, steps_for_visits
 from desplat_ns.core.whole import write_output
 from desplat_ns.data.splits import in_both
+from desplat_ns.data.training_views import even_subset
 from desplat_ns.evaluation.config import in_words
 from desplat_ns.evaluation.evaluate import gaussian_counts
 from desplat_ns.tools.commands.report import Report
-from desplat_ns.tools.loading import LoadedRun, even_subset, load_run
+from desplat_ns.tools.loading import LoadedRun, load_run
 from desplat_ns.tools.report import verdict
 from desplat_ns.tools.report.pictures import ERROR_TOP, held_out_photos, training_photos
 from desplat_ns.tools.report.views import seen_together

@@ -22,14 +22,14 @@ from desplat_ns.cameras.near_plane import scene_start
 from desplat_ns.core.console import progress_over, text_of
 from desplat_ns.core.errors import CaptureError, ConfigError
 from desplat_ns.core.pages import LARGEST_SIDE, shrunk, to_rgb8
-from desplat_ns.data.training_views import image_names
+from desplat_ns.data.training_views import even_subset, image_names
 from desplat_ns.gaussians.activation import activate_distractors
 from desplat_ns.model import DeSplatModel
 from desplat_ns.photo_tourism.shown_light import VARIABLE
 from desplat_ns.tools.export.export import reach_of, shown_in, static_cloud
 from desplat_ns.tools.export.formats import Y_UP
 from desplat_ns.tools.export.splat_cloud import Similarity, SplatCloud, baked, harmonics_of
-from desplat_ns.tools.loading import LoadedRun, even_subset
+from desplat_ns.tools.loading import LoadedRun
 from desplat_ns.training.pipeline import DeSplatPipeline
 
 AVERAGE = "the photos' average"
