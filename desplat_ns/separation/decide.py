@@ -256,8 +256,7 @@ def outlier_regions(
     places coloured like what it covers, and noise above the lower threshold alone is no reason.
     First those of at least half of `by.outline_window`'s cells, then the smaller; None for none.
 
-    Source: hysteresis of Canny 1986; the share is ours. OpenCV takes a quarter of the time of
-    SciPy here.
+    Source: hysteresis of Canny 1986; the share is ours.
     """
     weak_, known, strong_, peaks_ = masks_to_host(weak, weak & is_known, weak & strong, peaks)
     labels = _parts(weak_)

@@ -1,7 +1,5 @@
 """The grid of cells on which residuals and regions are computed, whatever the size of a photo.
-
-On a CPU OpenCV takes the means, on a GPU torch does.
-"""
+Means are OpenCV's on a CPU, torch's on a GPU."""
 
 import math
 from functools import lru_cache

@@ -59,6 +59,10 @@ LOOKED_AT = 0.95
 """Share of the planes from the nearest point on at which two neighbours have to look at a cell: at
 the border of a walk they look at others than the place that it shows."""
 
+BESIDE = 0.3
+"""Of a photo's width: below the lowest point of the reconstruction within as much to either side
+nobody knows, since the ground comes nearer than any depth that is tried."""
+
 DARKEST = 8
 """Of 255: darker colours say nothing of the exposure."""
 
@@ -126,6 +130,17 @@ def unexplained(
     is_known = looked >= LOOKED_AT * counts.sum()
     is_known &= _shown(photo.colors, 2 * RADIUS + 1) > 0
     return np.where(is_known, least / np.float32(255), np.float32(np.nan)), at
+
+
+def below_points(
+    u: Float[np.ndarray, " P"], v: Float[np.ndarray, " P"], rows: int, columns: int
+) -> Bool[np.ndarray, "rows columns"]:
+    """Cells of a photo that lie below all points, at u and v in [0, 1), within `BESIDE`, if there
+    are any."""
+    lowest, reach = np.full((1, columns), -1, np.float32), 2 * round(BESIDE * columns) + 1
+    np.maximum.at(lowest[0], (u * columns).astype(int), (v * rows).astype(np.float32))
+    lowest = cv2.dilate(lowest, np.ones((1, reach), np.uint8))
+    return (np.arange(rows)[:, None] > lowest) & (lowest >= 0)
 
 
 def disputed(
@@ -267,13 +282,15 @@ class PlaneSweep:
         if len(others) < 2:
             return None
         photo = self._posed(index)
-        depths = image_points(self._points, self.views[index])[2].numpy()[self._visible[index]]
+        at_points = image_points(self._points, self.views[index])
+        u, v, depths = (part.numpy()[self._visible[index]] for part in at_points)
         nearest, farthest = np.quantile(depths, [0.01, 0.99])
         ends = 1 / (NEAREST * nearest), 1 / (FARTHEST * farthest)
         best = others[np.argsort(-weights, kind="stable")[:NEIGHBOURS]]
         neighbours = [self._in_exposure_of(index, other) for other in best.tolist()]
         planes = np.append(np.linspace(*ends, PLANES), 0.0)
         found, at = unexplained(photo, neighbours, planes)
+        found[below_points(u, v, *found.shape)] = np.nan
         near = others[degrees < FARTHEST_ANGLE]
         if len(near) < FEWEST_LOOKERS:
             return found

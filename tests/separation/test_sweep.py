@@ -145,10 +145,10 @@ def test_a_cell_is_shown_if_the_mask_leaves_in_all_of_it():
     assert photo_to_sweep(photo, None).shape == (178, 178, 3)
 
 
-def points() -> torch.Tensor:
-    """Of both planes."""
+def points(lowest: float = 1.7) -> torch.Tensor:
+    """Of both planes, down to a y; the photos show 1.6 of the far one up and down."""
     generator = np.random.default_rng(0)
-    x, y = generator.uniform(-1.5, 1.5, 400), generator.uniform(-1.0, 1.0, 400)
+    x, y = generator.uniform(-2.5, 2.5, 2000), generator.uniform(-1.7, lowest, 2000)
     z = np.where(x < EDGE * FAR / NEAR, NEAR, FAR)
     return torch.from_numpy(np.stack([x, y, z], -1)).float()
 
@@ -179,6 +179,16 @@ def test_neighbours_and_depths_come_from_the_points():
     assert left.shape == (HEIGHT, WIDTH)
     assert inside(left.numpy()).min() > 0.2
     assert np.quantile(left[4:-4, 10:20], 0.95) < 0.03
+
+
+def test_below_the_lowest_point_nobody_knows():
+    views = cameras(*ROW)
+    asked = PlaneSweep(points(lowest=0.8), views)
+    for index, photo in enumerate(photos_of(views)):
+        asked.keep(index, torch.from_numpy(photo.colors))
+    known = left_in(asked).isfinite()[:, 44:50]  # 0.8 is in row 30 of the far plane
+    assert known[2:28].all() and not known[32:].any()
+    assert left_in(swept(views, photos_of(views))).isfinite()[32:38, 44:50].all()
 
 
 def test_what_two_neighbours_confirm_most_photos_may_dispute():
