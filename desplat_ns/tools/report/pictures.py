@@ -60,10 +60,9 @@ def training_photos(pipeline: DeSplatPipeline, chosen: Sequence[int]) -> Iterato
             if model.distractors is not None:
                 mask = outputs["distractor_mask"].float()
                 covered, anyway = float(mask.mean()), shown_anyway(photo, static, mask)
-                layer = (
-                    outputs[each].cpu().numpy() for each in ("rgb_distractor", "alpha_distractor")
-                )
-                drawn = over_checkerboard(*layer, max(8, max(photo.shape) // 48))
+                rgb, alpha = outputs["rgb_distractor"], outputs["alpha_distractor"]
+                size = max(8, max(photo.shape) // 48)
+                drawn = over_checkerboard(rgb.cpu().numpy(), alpha.cpu().numpy(), size)
                 pictures["distractors"] = picture_of(drawn, BESIDE)
                 pictures["mask"] = picture_of(mask, BESIDE)
             yield ShownPhoto(name, pictures, covered, anyway)
