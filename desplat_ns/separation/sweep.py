@@ -241,8 +241,8 @@ class PlaneSweep:
     def unexplained(
         self, index: int, device: torch.device = CPU
     ) -> Float[Tensor, "rows columns"] | None:
-        """The larger of `unexplained` and `disputed` of a kept photo, on the device; None where
-        nobody can be asked. If another thread is at it this one waits."""
+        """The larger of `unexplained` and `disputed` of a kept photo, on the device; NaN also in
+        `below_points`; None where nobody can be asked. Waits for a thread that is at it."""
         if index not in self.photos:
             return None
         self._work_ahead(device)
