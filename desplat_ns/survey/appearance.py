@@ -78,15 +78,14 @@ def share_by_direction(observations: Observations, steps: Float[np.ndarray, "V P
     """How much of the large steps the neighbours show, too, in [0, 1]: about 1 where colours follow
     the direction, as gloss does, and 0 where each photo has its own light. Least squares of their
     mean steps on a photo's own."""
-    product = square = 0.0
-    for row, others in enumerate(neighbours(observations, np.isfinite(steps))):
-        theirs = np.where(others >= 0, np.take_along_axis(steps, np.maximum(others, 0), axis=0), 0)
-        count = (others >= 0).sum(axis=0)
-        large = (np.abs(steps[row]) > LOCAL_STEP) & (count > 0)
-        mean = theirs.sum(axis=0)[large] / count[large]
-        product += float((mean * steps[row, large]).sum())
-        square += float((steps[row, large] ** 2).sum())
-    return min(max(product / square, 0.0), 1.0) if square > 0 else 0.0
+    theirs, count = np.zeros((2, *steps.shape))
+    for row, points, others in neighbours(observations, np.isfinite(steps)):
+        theirs[row, points] += steps[others, points]
+        count[row, points] += 1
+    large = (np.abs(steps) > LOCAL_STEP) & (count > 0)
+    own = steps[large]
+    share = (theirs[large] / count[large] * own).sum() / max((own**2).sum(), 1e-12)
+    return float(share.clip(0, 1))
 
 
 def appearance_finding(
@@ -136,22 +135,20 @@ def appearance_finding(
     return Finding("appearance", decision, sure, reason, figures)
 
 
-# --- neighbours at a point ------------------------------------------------------------------------
-
-
 def neighbours(
     observations: Observations, has_point: Bool[np.ndarray, "V P"]
-) -> Iterator[Int[np.ndarray, "_ P"]]:
-    """For each photo at most `NEIGHBOURS` that found each point (`has_point`), those with the
-    directions nearest to its own; -1 where there are not so many."""
+) -> Iterator[tuple[int, Int[np.ndarray, " N"], Int[np.ndarray, " N"]]]:
+    """For each photo, and of the photos that found a point (`has_point`) at most `NEIGHBOURS` with
+    the directions nearest to its own: its number, points, and for each of them another photo."""
     centers = np.array([view.position for view in observations.views])
     numbers = np.arange(len(centers))
     for row in range(len(centers)):
         degrees, _, others = views_beside(row, numbers, has_point, observations.xyz, centers)
         near = others[degrees < NEAR_ANGLE]
         have = has_point[near]
-        first = np.argsort(~have, axis=0, kind="stable")[:NEIGHBOURS]
-        yield np.where(np.take_along_axis(have, first, axis=0), near[first], -1)
+        for chosen in np.argsort(~have, axis=0, kind="stable")[:NEIGHBOURS]:
+            points = np.flatnonzero(have[chosen, np.arange(have.shape[1])])
+            yield row, points, near[chosen[points]]
 
 
 def are_alike(
@@ -172,27 +169,20 @@ def confirmed(observations: Observations, light: PhotoLight) -> Bool[np.ndarray,
     for row, view in enumerate(observations.views):
         rho2 = np.nan_to_num(from_middle(view.size, observations.places[row]))
         neutral[row] = light.neutral(row, observations.colors[row], rho2)
-    same = np.zeros_like(observations.is_shown)
-    for row, others in enumerate(neighbours(observations, observations.is_tracked)):
-        expected = observations.is_shown[row] & ((others >= 0).sum(axis=0) >= FEWEST_NEIGHBOURS)
-        for other in others:
-            which = np.flatnonzero(expected & (other >= 0))
-            pair = other[which], which
-            step = np.abs(neutral[row, which] - neutral[pair]).max(axis=-1)
-            same[row, which] |= (step < COLOR_STEP) | are_alike(patches[row, which], patches[pair])
-    return same
+    same, count = np.zeros_like(observations.is_shown), np.zeros(observations.is_shown.shape)
+    for row, points, others in neighbours(observations, observations.is_tracked):
+        step = np.abs(neutral[row, points] - neutral[others, points]).max(axis=-1)
+        alike = are_alike(patches[row, points], patches[others, points])
+        same[row, points] |= (step < COLOR_STEP) | alike
+        count[row, points] += 1
+    return same & observations.is_shown & (count >= FEWEST_NEIGHBOURS)
 
 
 def matched_points(observations: Observations) -> Bool[np.ndarray, "V P"]:
     """Which photos show a point as at least `FEWEST_NEIGHBOURS` of the nearest do that have it in
     view: what stands for tracks where there are none."""
-    shown, patches = observations.is_shown, observations.structures
-    matched = np.zeros_like(shown)
-    for row, others in enumerate(neighbours(observations, shown)):
-        votes = np.zeros(matched.shape[1], int)
-        for other in others:
-            which = np.flatnonzero(shown[row] & (other >= 0))
-            theirs = patches[other[which], which]
-            votes[which] += are_alike(patches[row, which], theirs, MATCHED_STRUCTURE)
-        matched[row] = votes >= FEWEST_NEIGHBOURS
-    return matched
+    patches, votes = observations.structures, np.zeros(observations.is_shown.shape)
+    for row, points, others in neighbours(observations, observations.is_shown):
+        mine, theirs = patches[row, points], patches[others, points]
+        votes[row, points] += are_alike(mine, theirs, MATCHED_STRUCTURE)
+    return observations.is_shown & (votes >= FEWEST_NEIGHBOURS)
