@@ -121,16 +121,12 @@ class View:
         self, places: Float[np.ndarray, "M 2"], values: Float[np.ndarray, " M"]
     ) -> tuple[Float[np.ndarray, " M"], Float[np.ndarray, " M"]]:
         """Mean of the other values near each place (0 where there is none), and their number."""
-        at = self.cells_of(places)
-        sums = np.zeros((2, *self.grid))
-        np.add.at(sums[0], at, values)
-        np.add.at(sums[1], at, 1.0)
-        total, count = (
-            cv2.boxFilter(part, -1, (3, 3), normalize=False, borderType=cv2.BORDER_CONSTANT)[at]
-            for part in sums
-        )
-        count = count - 1
-        return np.where(count > 0, (total - values) / np.maximum(count, 1), 0.0), count
+        at, sums = self.cells_of(places), np.zeros((*self.grid, 2))
+        np.add.at(sums, at, np.stack([values, np.ones_like(values)], axis=-1))
+        border = cv2.BORDER_CONSTANT
+        near = cv2.boxFilter(sums, -1, (3, 3), normalize=False, borderType=border)[at]
+        total, count = near[:, 0] - values, near[:, 1] - 1
+        return np.where(count > 0, total / np.maximum(count, 1), 0.0), count
 
 
 def small_view(cameras: Cameras, index: int) -> View:
@@ -234,10 +230,11 @@ def _look_at(
 
     def look(index: int) -> _Look:
         view = small_view(capture.cameras, index)
-        image = resize_image(dataset.get_numpy_image(index), *view.size)
+        photo = dataset.get_data(index, "uint8")
+        image = resize_image(photo["image"].numpy(), *view.size)
         allowed = (image[..., 3:] == 255).all(axis=-1)
-        if capture.mask_filenames is not None:
-            allowed &= resize_mask(dataset.get_mask(index)[..., 0].numpy(), *view.size)
+        if "mask" in photo:
+            allowed &= resize_mask(photo["mask"][..., 0].numpy(), *view.size)
         return view, image[..., :3], allowed, *in_view_of(view, xyz)
 
     with ThreadPoolExecutor(min(MOST_READERS, cores())) as pool:

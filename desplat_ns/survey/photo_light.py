@@ -96,6 +96,10 @@ def fit_light(observations: Observations) -> PhotoLight:
         true = _means(point, (logs - offset) / scale, weight * trust * scale**2, num_points)
         return true, logs - offset - scale * true[point]
 
+    for _ in range(ITERATIONS + 1):  # all photos have one light
+        before = explain()[1]
+        trust = _trust(before)
+    trust = np.ones((len(photo), 1))
     for _ in range(ITERATIONS if len(photo) else 0):
         true, residual = explain()
         trust = _trust(residual)
@@ -116,19 +120,10 @@ def fit_light(observations: Observations) -> PhotoLight:
         change = (sure * corner * residual).sum() - 3 * LENS_PRIOR * lens
         lens += float(change / ((sure * corner**2).sum() + 3 * LENS_PRIOR))
     true, residual = explain()
-    change, before = logs - residual - true[point], _left_by_one_light(point, logs, weight)
+    change = logs - residual - true[point]
     return PhotoLight(
         gains, gammas, vignetting, lens, photo, point, change, residual, before, weight
     )
-
-
-def _left_by_one_light(point: np.ndarray, logs: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    """Residuals [M, 3] if all photos have one light."""
-    residual, trust, size = logs, np.ones((len(logs), 1)), int(point.max(initial=-1)) + 1
-    for _ in range(ITERATIONS + 1):
-        residual = logs - _means(point, logs, weight * trust, size)[point]
-        trust = _trust(residual)
-    return residual
 
 
 def _trust(residual: np.ndarray) -> np.ndarray:
