@@ -8,7 +8,6 @@ Letters in shapes: V photos, R x C cells of one photo, K sky cells of all photos
 """
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -109,19 +108,11 @@ def _nothing_above(behind: np.ndarray, up: np.ndarray) -> np.ndarray:
     return is_open
 
 
-class SkyColors(NamedTuple):
-    """Sky cells of all photos around which all is sky: their colours are of the sky alone."""
-
-    colors: Float[np.ndarray, "K 3"]
-    """In the light common to all photos."""
-    photo: Int[np.ndarray, " K"]
-    """Number among the photos with sky."""
-    direction: Int[np.ndarray, " K"]
-    """Number of the bin of directions."""
-
-
-def sky_colors(observations: Observations, light: PhotoLight, skies: dict[int, Sky]) -> SkyColors:
-    """Colours of the skies without their photos' light, and their directions."""
+def sky_colors(
+    observations: Observations, light: PhotoLight, skies: dict[int, Sky]
+) -> tuple[Float[np.ndarray, "K 3"], Int[np.ndarray, " K"], Int[np.ndarray, " K"]]:
+    """Colours, in the light common to all photos, of cells around which all is sky; the number of
+    each one's photo among those with sky, and of its bin of directions."""
     up = vertical(observations.views)
     north = np.cross(up, [1.0, 0.0, 0.0] if abs(up[0]) < 0.9 else [0.0, 1.0, 0.0])
     north /= np.linalg.norm(north)
@@ -140,32 +131,36 @@ def sky_colors(observations: Observations, light: PhotoLight, skies: dict[int, S
         elevation = np.degrees(np.arcsin(np.clip(toward @ up, -1, 1)))
         bins += (1000 * np.round(azimuth / TURN) + np.round(elevation / RISE)).tolist()
         photo += [row] * len(toward)
-    numbers = (np.unique(np.array(kind, int), return_inverse=True)[1] for kind in (photo, bins))
-    return SkyColors(np.concatenate(colors), *numbers)
+    numbers = [np.unique(np.array(kind, int), return_inverse=True)[1] for kind in (photo, bins)]
+    return np.concatenate(colors), numbers[0], numbers[1]
 
 
-def range_by_direction(cells: SkyColors, values: Float[np.ndarray, "K 3"]) -> float:
+def range_by_direction(
+    values: Float[np.ndarray, "K 3"], photo: Int[np.ndarray, " K"], direction: Int[np.ndarray, " K"]
+) -> float:
     """How far directions differ within photos, whose own medians are taken out: 10% to 90% of the
     area, the widest channel; NaN where there is no sky."""
     if len(values) == 0:
         return float("nan")
-    middles = _medians(values - _medians(values, cells.photo), cells.direction)
+    middles = _medians(values - _medians(values, photo), direction)
     low, high = np.quantile(middles, [0.1, 0.9], axis=0)
     return float((high - low).max())
 
 
-def spread_by_photo(cells: SkyColors, values: Float[np.ndarray, "K 3"]) -> float:
+def spread_by_photo(
+    values: Float[np.ndarray, "K 3"], photo: Int[np.ndarray, " K"], direction: Int[np.ndarray, " K"]
+) -> float:
     """RMS of a photo's median difference from what all photos show in the same directions: what a
     quarter of the photos exceed; NaN where fewer than `FEWEST_PHOTOS` look in any direction."""
     if len(values) == 0:
         return float("nan")
-    pairs = np.unique(np.stack([cells.direction, cells.photo]), axis=1)
-    shared = np.bincount(pairs[0])[cells.direction] >= FEWEST_PHOTOS
-    differences = values - _medians(values, cells.direction)
+    pairs = np.unique(np.stack([direction, photo]), axis=1)
+    shared = np.bincount(pairs[0])[direction] >= FEWEST_PHOTOS
+    differences = values - _medians(values, direction)
     own = [
         np.median(differences[mine], axis=0)
-        for row in range(cells.photo.max() + 1)
-        if (mine := (cells.photo == row) & shared).sum() >= FEWEST_CELLS
+        for row in range(photo.max() + 1)
+        if (mine := (photo == row) & shared).sum() >= FEWEST_CELLS
     ]
     return float(np.quantile(np.sqrt(np.mean(np.square(own), axis=1)), 0.75)) if own else np.nan
 
@@ -194,12 +189,12 @@ def background_finding(
     if not shares:
         reason = f"No photo shows {FEWEST} of the points."
         return Finding("background", "off", "none", reason, figures)
-    cells = sky_colors(observations, light, skies)
-    logs = np.log(np.maximum(cells.colors, LOWEST))
+    colors, *cells = sky_colors(observations, light, skies)
+    logs = np.log(np.maximum(colors, LOWEST))
     chroma = logs - logs.mean(axis=1, keepdims=True)
-    values, limit = (chroma, CHROMA_BY_PHOTO) if light_is_local else (cells.colors, BY_PHOTO)
-    limit = np.fmax(limit, range_by_direction(cells, values)).item()
-    by_photo, by_direction = spread_by_photo(cells, values), range_by_direction(cells, cells.colors)
+    values, limit = (chroma, CHROMA_BY_PHOTO) if light_is_local else (colors, BY_PHOTO)
+    limit = np.fmax(limit, range_by_direction(values, *cells)).item()
+    by_photo, by_direction = spread_by_photo(values, *cells), range_by_direction(colors, *cells)
     figures |= {"by_photo": by_photo, "by_direction": by_direction}
     sky = f"{empty:.0%} of the photos' area is sky"
     judged = [(empty, VISIBLE_SHARE), (by_photo, limit)]
