@@ -5,7 +5,6 @@ import math
 from dataclasses import asdict, dataclass
 from typing import Literal
 
-Effect = Literal["appearance", "background"]
 Confidence = Literal["clear", "close", "none"]
 
 CLEAR = 1.5
@@ -16,12 +15,11 @@ CLEAR = 1.5
 class Finding:
     """What was seen of one effect, and what follows."""
 
-    effect: Effect
+    effect: Literal["appearance", "background"]
     decision: str
     """The value of the effect's switch that explains what was seen at the least cost."""
     confidence: Confidence
-    """`clear`: the deciding figures are off by a factor of `CLEAR`; `close`: by less; `none`:
-    safe."""
+    """`clear`: the deciding figures are off by a factor of `CLEAR`; `close`: less; `none`: safe."""
     reason: str
     """A sentence with the figures that decided."""
     figures: dict[str, float]
