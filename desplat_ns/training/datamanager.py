@@ -26,7 +26,7 @@ from desplat_ns.core.console import announce, list_names
 from desplat_ns.core.errors import CaptureError
 from desplat_ns.core.options import check_ranges, ranged
 from desplat_ns.data.colmap import GT_MASKS, DeSplatColmapDataParser
-from desplat_ns.data.dataset import CaptureDataset, Photo, PhotoReader
+from desplat_ns.data.dataset import CaptureDataset, Photo, photo_reader
 from desplat_ns.data.layouts import OURS, DeSplatDataParserConfig, without_prompts
 from desplat_ns.data.photo_cache import SHARE, BoundedPhotos, free_memory, photo_bytes
 from desplat_ns.data.splits import in_both
@@ -250,7 +250,7 @@ class DeSplatDataManager(FullImageDatamanager[CaptureDataset]):
                 f"Training photos take {sum(needed) / 1e9:.3g} GB decoded. {max(1, most)} of "
                 f"{len(needed)} are held at a time; the others are read before their turn."
             )
-        reader = PhotoReader(self.train_dataset)
+        reader = photo_reader(self.train_dataset)
         self.train_cameras = self.train_dataset.cameras.to(self.device)
         return BoundedPhotos(
             reader, len(needed), most, lambda: self.train_unseen_cameras if is_training else ()

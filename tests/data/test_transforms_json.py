@@ -11,7 +11,7 @@ from nerfstudio.cameras.cameras import CameraType
 from nerfstudio.data.dataparsers.nerfstudio_dataparser import NerfstudioDataParserConfig
 
 from desplat_ns.core.errors import CaptureError
-from desplat_ns.data.dataset import CaptureDataset, PhotoReader
+from desplat_ns.data.dataset import CaptureDataset, photo_reader
 from desplat_ns.data.transforms_json import TransformsDataParser
 from tests.helpers.files import write_transforms
 
@@ -151,7 +151,7 @@ def test_a_fisheye_of_any_program_is_one_also_without_terms(processed: Path, hea
     damage(processed, **head, fl_x=6, fl_y=6)
     dataset = CaptureDataset(outputs_of(processed, eval_mode="all"))
     straight = dataset.get_numpy_image(0)
-    bent = PhotoReader(dataset)(0)["image"].numpy()
+    bent = photo_reader(dataset)(0)["image"].numpy()
     assert dataset.cameras.camera_type.unique().tolist() == [CameraType.FISHEYE.value]
     assert bent.shape != straight.shape or (bent != straight).any()
 
