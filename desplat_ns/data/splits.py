@@ -1,13 +1,11 @@
 """Which photos of a capture train and which are held out: whatever says so, a file, the photos'
 names or a draw, gives `Lists`; `listed_photos` finds them among the photos that have a pose."""
 
-import os
 import random
+from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
-from functools import partial
-from hashlib import blake2b
+from filecmp import cmp
 from pathlib import Path, PurePosixPath
-from typing import Any
 
 from desplat_ns.core.console import announce_once, list_names
 
@@ -17,23 +15,18 @@ it is test, and without test val."""
 
 
 def in_both(train: Sequence[Path], held_out: Sequence[Path]) -> list[str]:
-    """Held-out photos that also train, under whatever name: files with the same bytes. Whole files
-    are read only where sizes and beginnings are the same."""
-    keys: list[dict[Path, Any]] = [
-        dict.fromkeys(filter(Path.is_file, s)) for s in (train, held_out)
-    ]
-    for key in (os.path.getsize, partial(_digest, most=1 << 16), _digest):
-        keys = [{path: key(path) for path in side} for side in keys]
-        both = {*keys[0].values()} & {*keys[1].values()}
-        keys = [{path: k for path, k in side.items() if k in both} for side in keys]
-    twins = {k: path.name for path, k in keys[0].items()}
-    names = {path.name: twins[k] for path, k in keys[1].items()}
-    return sorted(n if n == twin else f"{n} (as {twin})" for n, twin in names.items())
-
-
-def _digest(path: Path, most: int = -1) -> bytes:
-    with path.open("rb") as file:
-        return blake2b(file.read(most)).digest()
+    """Held-out photos that also train, under whatever name: files with the same bytes, which are
+    read only where sizes are the same, and up to the first that differs."""
+    by_size = defaultdict(list)
+    for path in filter(Path.is_file, train):
+        by_size[path.stat().st_size].append(path)
+    found = []
+    for path in filter(Path.is_file, held_out):
+        alike = by_size.get(path.stat().st_size, ())
+        if twin := next((other for other in alike if cmp(path, other, shallow=False)), None):
+            name = path.name
+            found.append(name if name == twin.name else f"{name} (as {twin.name})")
+    return sorted(found)
 
 
 def read_list_files(data: Path) -> Lists:
@@ -49,14 +42,9 @@ def read_list_files(data: Path) -> Lists:
 
 
 def listed_photos(names: Sequence[str], wanted: Sequence[str], source: Path | str) -> list[int]:
-    """Indices of the wanted photos among `names`, ascending. Says which are left out, as they have
-    no pose or a file name that several photos have.
-
-    An entry is the path inside the images folder or, where no path is so, the file name.
-
-    Args:
-        source: what lists them.
-    """
+    """Indices of the wanted photos among `names`, ascending: paths inside the images folder or,
+    where no path is so, file names. Says which of those that `source` lists are left out, as they
+    have no pose or a file name that several photos have."""
     places: dict[str, list[int]] = {}
     for i, name in enumerate(names):
         places.setdefault(PurePosixPath(name).name, []).append(i)
