@@ -28,29 +28,12 @@ from desplat_ns.data.on_the_go import (
     read_split,
 )
 from desplat_ns.data.photo_files import downscale_factors, photo_names, photos_near
-from desplat_ns.data.photo_tourism import (
-    DENSE,
-    PhotoTourismDataParserConfig,
-    split_files,
-    split_folders,
-)
+from desplat_ns.data.photo_tourism import DENSE, PhotoTourismDataParserConfig, split_files
 from desplat_ns.data.robustnerf import RobustNerfDataParserConfig, describe
 from desplat_ns.data.transforms_json import TransformsDataParser
 
 IMAGES = DeSplatColmapDataParserConfig().images_path
 """Folder of the photos; beside it, `images_N` has copies at 1/N of their size."""
-
-SPLIT_OPTIONS = ("eval_mode", "train_split_fraction", "eval_interval")
-"""Options without a meaning where the layout itself says which photos are held out."""
-
-NEEDED = (
-    "images/, or images_2, images_4, ..., and a COLMAP model (cameras, images and points3D as .bin "
-    "or .txt) in sparse/0, sparse or colmap/sparse/0; or dense/images and dense/sparse; or "
-    "transforms.json; or transforms_train.json, transforms_val.json and transforms_test.json, each "
-    "with camera_angle_x, and X.png for each file_path X (where they have nerfstudio's fields, "
-    "name one of them itself)"
-)
-"""What a capture has, whatever its layout."""
 
 
 @dataclass(frozen=True)
@@ -94,7 +77,8 @@ class Recognition:
         """The configuration of the dataparser that reads the capture; `options` of the user's, by
         their fields' names, come before the layout's. Raises ConfigError of one without a use."""
         useful = {f.name for f in fields(self.default)}
-        useful -= set(SPLIT_OPTIONS) if isinstance(self.default, OwnSplitConfig) else set()
+        if isinstance(self.default, OwnSplitConfig):
+            useful -= {"eval_mode", "train_split_fraction", "eval_interval"}
         if useless := [name for name in options if name not in useful]:
             given = " ".join(f"{option_of(name)} {options[name]}" for name in useless)
             raise ConfigError(
@@ -146,14 +130,15 @@ def _nothing_found(data: Path) -> str:
             "itself; then train with --data CAPTURE."
         )
     return (
-        f"No capture was found in {data}, which has "
-        f"{list_names(entries) or 'no files'}. Needed: {NEEDED}. "
-        "Check the path after --data, or name a dataparser at the end "
-        "of the command (ns-train desplat --help lists them)."
+        f"No capture was found in {data}, which has {list_names(entries) or 'no files'}. Needed: "
+        "images/, or images_2, images_4, ..., and a COLMAP model (cameras, images and points3D as "
+        ".bin or .txt) in sparse/0, sparse or colmap/sparse/0; or dense/images and dense/sparse; "
+        "or transforms.json; or transforms_train.json, transforms_val.json and "
+        "transforms_test.json, each with camera_angle_x, and X.png for each file_path X (where "
+        "they have nerfstudio's fields, name one of them itself). Check the path after --data, or "
+        "name a dataparser at the end of the command (ns-train desplat --help lists them)."
     )
 
-
-# --- what finds each layout -----------------------------------------------------------------------
 
 Found = tuple[str, str, dict[str, Any]]
 """Of a `Recognition`: poses, summary, options."""
@@ -185,7 +170,7 @@ def _robustnerf(data: Path) -> Found | None:
 
 def _photo_tourism(data: Path) -> Found | None:
     """dense/ with photos and a COLMAP model, or a NeRF-W split file beside them."""
-    split, _ = split_files(split_folders(data))
+    split, _ = split_files(data)
     poses = _model_of(data)
     if find_models(data, DENSE / "sparse") and (data / DENSE / "images").is_dir():
         poses = f"{DENSE}/images and {DENSE}/sparse"
@@ -230,8 +215,7 @@ def _model_of(data: Path) -> str:
 
 
 def _photos(data: Path) -> tuple[Path, dict[str, Any]]:
-    """Folder of the photos, or of the largest copies if they are all there is; the options with
-    which a dataparser reads it."""
+    """Folder of the photos, else of the largest copies; the options by which a parser reads it."""
     images = data / IMAGES
     factors = downscale_factors(images)
     if images.is_dir() or not factors:
@@ -251,9 +235,6 @@ LAYOUTS: tuple[tuple[str, str, DataParserConfig, Callable[[Path], Found | None]]
 )
 """Name, dataparser, its own options, and what finds the layout; the first that is found is taken,
 so that the most specific ones come first."""
-
-
-# --- the dataparser ------------------------------------------------------------------------------
 
 
 @dataclass
@@ -279,24 +260,12 @@ class DeSplatDataParserConfig(DataParserConfig):
     load_3D_points: bool | None = None
     """Whether training starts from the reconstruction's points instead of random ones."""
 
-    def recognised(self) -> DataParserConfig:
-        """The configuration of the dataparser that reads the capture; says which and why. Raises as
-        `recognise` and `Recognition.config`."""
-        match, fixed = recognise(self.data), ("_target", "data")
-        given = {n: v for n, v in vars(self).items() if v is not None and n not in fixed}
-        config = match.config(given)
-        announce(match.line())
-        return config
-
     def setup(self, **kwargs: Any) -> Any:
-        """The dataparser that reads the capture. Raises as `recognised`."""
-        return self.recognised().setup(**kwargs)
+        """The dataparser that reads the capture. Raises as `without_prompts`."""
+        return without_prompts(self).setup(**kwargs)
 
 
-desplat_dataparser = DataParserSpecification(
-    config=DeSplatDataParserConfig(),
-    description="Any capture: recognises its layout and takes the dataparser that reads it.",
-)
+desplat_dataparser = DataParserSpecification(DeSplatDataParserConfig())
 
 OURS = {
     "desplat-data": DeSplatDataParserConfig(),
@@ -308,16 +277,21 @@ OURS = {
 
 
 def without_prompts(config: DataParserConfig) -> DataParserConfig:
-    """The dataparser that reads a capture: for desplat-data the one that it recognises, for
-    upstream's that ask questions ours, else the same.
+    """The dataparser that reads a capture: for desplat-data the one that it recognises, and says
+    why; for upstream's that ask questions ours; else the same.
 
     Raises:
-        CaptureError: no capture is found.
-        ConfigError: upstream's phototourism-data (1.1.5), one hyphen from ours: it gives no 3D
-            points and splits by its own rule, so figures would be wrong without a word.
+        CaptureError: as `recognise`.
+        ConfigError: as `Recognition.config`; or upstream's phototourism-data (1.1.5), one hyphen
+            from ours: it gives no 3D points and splits by its own rule, so figures would be wrong
+            without a word.
     """
     if isinstance(config, DeSplatDataParserConfig):
-        return config.recognised()
+        match, fixed = recognise(config.data), ("_target", "data")
+        given = {n: v for n, v in vars(config).items() if v is not None and n not in fixed}
+        reader = match.config(given)
+        announce(match.line())
+        return reader
     if type(config) is PhototourismDataParserConfig:
         raise ConfigError(
             "nerfstudio's dataparser phototourism-data gives no 3D points to start from and does "

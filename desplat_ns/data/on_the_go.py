@@ -67,14 +67,13 @@ def read_split(path: Path) -> dict[str, list[int]]:
     """The lists of a split file, by their names. Raises CaptureError where there is no such file,
     or it has no lists of positions under `clutter` and `extra`."""
     try:
-        content: Any = json.loads(path.read_text("utf8")) if path.is_file() else {}
-        lists = {name: list(map(index, content[name])) for name in ("clutter", "extra")}
+        content: Any = json.loads(path.read_text("utf8"))
+        return {name: list(map(index, content[name])) for name in ("clutter", "extra")}
     except (OSError, ValueError, LookupError, TypeError) as error:
         raise CaptureError(
             f"{path} is no split file of NeRF On-the-go: it needs the lists `clutter` and `extra` "
             "of photos' positions (0, 1, ...) in the order of their file names."
         ) from error
-    return lists
 
 
 def ordered_names(data: Path, images: Path) -> list[str]:
@@ -85,7 +84,4 @@ def ordered_names(data: Path, images: Path) -> list[str]:
     return sorted(PurePosixPath(f.name).name for f in read_transforms(path, False).frames)
 
 
-on_the_go_dataparser = DataParserSpecification(
-    config=OnTheGoDataParserConfig(),
-    description="NeRF On-the-go scene: split.json says which photos train and which are held out.",
-)
+on_the_go_dataparser = DataParserSpecification(OnTheGoDataParserConfig())

@@ -26,14 +26,8 @@ DENSE = Path("dense")
 COLUMNS = ("filename", "id", "split")
 """What a split file must have, in any order and beside others."""
 
-PATTERNS = ("*.tsv", "nerfw_split.csv")
-"""Names of split files: NeRF-W's, and the same file as nerfbaselines saves it (with tabs)."""
-
 TEST_FRACTION = 0.1
 """Share of photos that is held out where there is no split file."""
-
-EMPTY = {"", "nan"}
-"""Values of `filename` and `id` that mean "not in the reconstruction"."""
 
 
 @dataclass
@@ -57,15 +51,22 @@ class PhotoTourismDataParser(DeSplatColmapDataParser):
     split_by = "the split file; without one a tenth is drawn for testing"
 
     def __init__(self, config: PhotoTourismDataParserConfig):
-        super().__init__(with_paths(config))
+        """Without a reconstruction in dense/, one in the data itself is taken, with the photos
+        beside it: in dense/ they are undistorted, there perhaps not."""
+        data, dense, beside = config.data, DENSE / "sparse", Path("sparse")
+        is_beside = find_models(data, beside) and not find_models(data, dense)
+        if config.colmap_path == dense and is_beside:
+            given = config.images_path
+            images = Path("images") if given == DENSE / "images" else given
+            config = replace(config, images_path=images, colmap_path=beside)
+        super().__init__(config)
 
     def lists(self, names: Sequence[str]) -> Lists:
-        """By the split file, or drawn; says once how. Raises CaptureError as `find_split_file` and
-        `read_split_file`."""
+        """By the split file, or drawn; says once how. Raises as what finds and reads the file."""
         data, named = self.config.data, self.config.split_file
-        path = data / named if named else find_split_file(split_folders(data))
-        lists = read_split_file(path) if path is not None else draw_split(names)
-        how = f"by {path}" if path is not None else "drawn, as there is no split file"
+        path = data / named if named else find_split_file(data)
+        lists = read_split_file(path) if path else draw_split(names)
+        how = f"by {path}" if path else "drawn, as there is no split file"
         train, test = lists["train"], lists["test"]
         announce_once(
             f"Split, {how}: of {len(names)} photos {len(train)} train, and {len(test)} are for "
@@ -74,36 +75,12 @@ class PhotoTourismDataParser(DeSplatColmapDataParser):
         return lists
 
 
-def split_folders(data: Path) -> list[Path]:
-    """Where a scene's split file may be. Whoever names dense/ itself as the data has it one folder
-    up."""
-    above = [data / ".."] if data.resolve().name == DENSE.name else []
-    return [data, data / DENSE, *above]
-
-
-def with_paths(config: PhotoTourismDataParserConfig) -> PhotoTourismDataParserConfig:
-    """The same with photos and reconstruction side by side in the data itself where there is a
-    reconstruction, and none in dense/; options come before that.
-
-    Photos of one place never go with the reconstruction of the other: in dense/ they are
-    undistorted, outside perhaps not.
-    """
-    default, data, outside = PhotoTourismDataParserConfig(), config.data, Path("sparse")
-    if config.colmap_path != default.colmap_path or find_models(data, config.colmap_path):
-        return config
-    if not find_models(data, outside):
-        return config
-    is_named = config.images_path != default.images_path
-    images = config.images_path if is_named else Path("images")
-    return replace(config, images_path=images, colmap_path=outside)
-
-
-# --- the split file ------------------------------------------------------------------------------
-
-
-def split_files(folders: Sequence[Path]) -> tuple[list[Path], list[Path]]:
-    """Files in these folders with the columns of a split file, and all that have its name."""
-    named = {p.resolve(): p for f in folders for name in PATTERNS for p in sorted(f.glob(name))}
+def split_files(data: Path) -> tuple[list[Path], list[Path]]:
+    """Files with the columns of a split file, and all that have its name, in the data and in
+    dense/; where the data is itself dense/, also one folder up."""
+    folders = [data, data / DENSE, *([data / ".."] if data.resolve().name == DENSE.name else [])]
+    names = ("*.tsv", "nerfw_split.csv")  # NeRF-W's, and the same as nerfbaselines saves it
+    named = {p.resolve(): p for f in folders for name in names for p in sorted(f.glob(name))}
     fitting: list[Path] = []
     for path in named.values():
         with suppress(CaptureError):
@@ -112,10 +89,10 @@ def split_files(folders: Sequence[Path]) -> tuple[list[Path], list[Path]]:
     return fitting, list(named.values())
 
 
-def find_split_file(folders: Sequence[Path]) -> Path | None:
-    """The one split file in these folders, None where there is no file of such a name. Raises
-    CaptureError where several fit, or none of those with such a name."""
-    fitting, named = split_files(folders)
+def find_split_file(data: Path) -> Path | None:
+    """The one of `split_files`, None where there is no file of such a name. Raises CaptureError
+    where several fit, or none of those with such a name."""
+    fitting, named = split_files(data)
     if named and len(fitting) != 1:
         raise CaptureError(
             f"{len(fitting)} of the files {list_names(map(str, named))} are split files with the "
@@ -130,7 +107,7 @@ def read_split_file(path: Path) -> Lists:
     CaptureError as `read_rows`, and of a split that is neither train nor test."""
     listed: dict[str, list[str]] = {"train": [], "test": []}
     for row in read_rows(path):
-        if row["filename"].lower() in EMPTY or row["id"].lower() in EMPTY:
+        if {row["filename"].lower(), row["id"].lower()} & {"", "nan"}:
             continue
         split = row["split"].lower()
         if split not in listed:
@@ -166,7 +143,4 @@ def draw_split(names: Sequence[str]) -> Lists:
     return {"train": drawn[num_test:], "test": drawn[:num_test]}
 
 
-photo_tourism_dataparser = DataParserSpecification(
-    config=PhotoTourismDataParserConfig(),
-    description="Photo Tourism scene: dense/images, dense/sparse, NeRF-W's split file.",
-)
+photo_tourism_dataparser = DataParserSpecification(PhotoTourismDataParserConfig())

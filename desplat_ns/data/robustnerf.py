@@ -78,7 +78,4 @@ def describe(names: Sequence[str]) -> str:
     return ", ".join(f"{kinds.count(kind)} {kind}" for kind in ("clean", "clutter", "extra"))
 
 
-robustnerf_dataparser = DataParserSpecification(
-    config=RobustNerfDataParserConfig(),
-    description="RobustNeRF-style capture: clean, clutter, extra in the file names.",
-)
+robustnerf_dataparser = DataParserSpecification(RobustNerfDataParserConfig())

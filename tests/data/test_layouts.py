@@ -10,15 +10,15 @@ from nerfstudio.scripts import train
 
 from desplat_ns.core.errors import CaptureError
 from desplat_ns.data.colmap import DeSplatColmapDataParserConfig
-from desplat_ns.data.layouts import DeSplatDataParserConfig
+from desplat_ns.data.layouts import DeSplatDataParserConfig, without_prompts
 from desplat_ns.training.datamanager import DeSplatDataManagerConfig, training_split
 
 
 def test_options_that_are_not_given_are_the_dataparsers_own(capture):
     own = DeSplatColmapDataParserConfig(data=capture())
-    assert DeSplatDataParserConfig(data=capture()).recognised() == own
+    assert without_prompts(DeSplatDataParserConfig(data=capture())) == own
     given = DeSplatDataParserConfig(data=capture(), auto_scale_poses=False, eval_interval=5)
-    config = given.recognised()
+    config = without_prompts(given)
     assert isinstance(config, DeSplatColmapDataParserConfig)
     assert (config.auto_scale_poses, config.eval_interval) == (False, 5)
 

@@ -195,23 +195,23 @@ def test_the_file_that_has_the_columns_is_found_whatever_its_name(tmp_path: Path
     table(tmp_path / "notes.tsv", ("1\t2",), header="time\tplace")
     (tmp_path / "binary.tsv").write_bytes(b"\xff\xfe\x00")
     expected = table(dense / "whatever.tsv")
-    assert find_split_file([tmp_path, dense]) == expected
+    assert find_split_file(tmp_path) == expected
     expected.rename(dense / "nerfw_split.csv")  # the name that nerfbaselines gives it
-    assert find_split_file([tmp_path, dense]) == dense / "nerfw_split.csv"
+    assert find_split_file(tmp_path) == dense / "nerfw_split.csv"
     (dense / "link.tsv").symlink_to(dense / "nerfw_split.csv")  # the same file
-    assert find_split_file([dense]) is not None
+    assert find_split_file(dense) is not None
     (tmp_path / "empty").mkdir()
-    assert find_split_file([tmp_path / "empty", tmp_path / "none"]) is None
+    assert find_split_file(tmp_path / "empty") is None
 
 
 def test_none_or_several_that_fit_are_an_error_and_no_silent_draw(tmp_path: Path):
     table(tmp_path / "one.tsv", header="time\tplace")
     with pytest.raises(CaptureError, match=r"one\.tsv"):
-        find_split_file([tmp_path])
+        find_split_file(tmp_path)
     table(tmp_path / "one.tsv")
     table(tmp_path / "two.tsv")
     with pytest.raises(CaptureError, match=r"one\.tsv, .*two\.tsv.*--split-file"):
-        find_split_file([tmp_path])
+        find_split_file(tmp_path)
 
 
 def test_photos_are_found_by_path_and_by_an_unambiguous_file_name(file: Path):
