@@ -24,10 +24,9 @@ UNEXPECTED = (OSError, LookupError, ValueError, TypeError, AttributeError, Arith
 def find_models(data: Path, colmap_path: Path) -> list[Path]:
     """Folders of COLMAP models in a named or usual place; empty if there are none."""
     for folder in (data / place for place in places_of(colmap_path)):
-        models = [folder] if _kind_of(folder) else []
-        if not models and folder.is_dir():
-            models = [child for child in sorted(folder.iterdir()) if _kind_of(child)]
-        if models:
+        if _kind_of(folder):
+            return [folder]
+        if models := [child for child in sorted(folder.glob("*")) if _kind_of(child)]:
             return models
     return []
 
@@ -48,15 +47,8 @@ def _kind_of(folder: Path) -> str:
     return ""
 
 
-def state_of(folder: Path) -> tuple[tuple[str, int, int, int], ...]:
-    """What changes with a file of a model: its time, size and place on the disk."""
-    files = [(path.name, path.stat()) for path in sorted(folder.iterdir()) if path.is_file()]
-    return tuple((name, s.st_mtime_ns, s.st_size, s.st_ino) for name, s in files)
-
-
 def read_model(folder: Path) -> "pycolmap.Reconstruction":
-    """The whole model, without points that stand in a PLY. Raises CaptureError where files are
-    damaged or missing."""
+    """The whole model, but for points in a PLY. Raises CaptureError: files damaged or missing."""
     import pycolmap  # a quarter of a second: not for `--help`
 
     kind = _kind_of(folder)
@@ -68,7 +60,11 @@ def read_model(folder: Path) -> "pycolmap.Reconstruction":
         if not kind or (folder / f"points3D.{kind}").is_file():
             model = pycolmap.Reconstruction(folder)
         else:
-            model = _without_points(folder, kind)
+            with TemporaryDirectory() as place:  # none there: points stand in a PLY
+                for path in folder.glob(f"*.{kind}"):
+                    shutil.copy(path, place)
+                Path(place, f"points3D.{kind}").write_bytes(bytes(8 * (kind == "bin")))
+                model = pycolmap.Reconstruction(place)
         for number, name in _names_in(folder / "images.txt").items() if kind == "txt" else ():
             model.image(number).name = name
         return model
@@ -80,23 +76,10 @@ def read_model(folder: Path) -> "pycolmap.Reconstruction":
         ) from error
 
 
-def _without_points(folder: Path, kind: str) -> "pycolmap.Reconstruction":
-    """A model whose points stand elsewhere; no photo observes them."""
-    import pycolmap
-
-    with TemporaryDirectory() as place:
-        for path in folder.glob(f"*.{kind}"):
-            shutil.copy(path, place)
-        Path(place, f"points3D.{kind}").write_bytes(bytes(8 * (kind == "bin")))  # there are none
-        return pycolmap.Reconstruction(place)
-
-
 def _names_in(path: Path) -> dict[int, str]:
-    """Photos' names by number; pycolmap 4.2.1 ends them at the first space, and where observations
-    (an empty line, if there are none) do not follow each photo it passes over every second one.
-
-    Raises ValueError where they do not.
-    """
+    """Photos' names by number; pycolmap 4.2.1 ends them at the first space. Raises ValueError where
+    observations (an empty line, if there are none) do not follow each photo: it passes over every
+    second one there."""
     lines = [line for line in path.read_text("utf-8").split("\n") if not line.startswith("#")]
     observed = [line.split()[-1] for line in lines[1::2] if line.strip()]
     if not all(last.lstrip("-").isdigit() for last in observed):

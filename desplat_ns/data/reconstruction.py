@@ -17,7 +17,7 @@ from nerfstudio.cameras.cameras import CameraType
 
 from desplat_ns.core.console import announce_once
 from desplat_ns.core.errors import CaptureError
-from desplat_ns.data.colmap_model import find_models, places_of, read_model, state_of
+from desplat_ns.data.colmap_model import find_models, places_of, read_model
 from desplat_ns.data.point_cloud import Points, points_of, read_cloud
 
 if TYPE_CHECKING:
@@ -97,18 +97,12 @@ class Tracks:
 
 
 def read_reconstruction(data: Path, colmap_path: Path) -> Reconstruction:
-    """Read the reconstruction of a capture; of several models, the one with most photos.
+    """Read the reconstruction of the capture in `data`: a model's folder or a folder of models, of
+    which the one with most photos is taken, at `colmap_path` below it (`places_of`).
 
     The one that was read last is kept, and given again as long as its files are the same: do not
-    change what it holds.
-
-    Args:
-        data: the capture's folder.
-        colmap_path: a model's folder or a folder of models, relative to `data`. The usual places
-            (`sparse`, `sparse/0`, `colmap/sparse/0`) stand in for each other.
-
-    Raises:
-        CaptureError: nothing there, damaged files, cameras or poses that cannot be used.
+    change what it holds. Raises CaptureError: nothing there, damaged files, cameras or poses that
+    cannot be used.
     """
     folders = find_models(data, colmap_path)
     if not folders:
@@ -118,7 +112,10 @@ def read_reconstruction(data: Path, colmap_path: Path) -> Reconstruction:
             "images and points3D as .bin or .txt (points also as .ply). Run COLMAP first, or name "
             "the folder with --colmap-path, relative to --data."
         )
-    return _largest(tuple(folders), tuple(map(state_of, folders)))
+    files = (path for folder in folders for path in sorted(folder.iterdir()) if path.is_file())
+    states = ((path, path.stat()) for path in files)
+    changing = ((path, s.st_mtime_ns, s.st_size, s.st_ino) for path, s in states)
+    return _largest(tuple(folders), tuple(changing))
 
 
 @lru_cache(maxsize=1)
@@ -184,8 +181,7 @@ def camera_type_of(model: str, photo: str, source: Path) -> CameraType:
 
 
 def check_frame(frame: Frame, source: Path) -> None:
-    """Raise CaptureError, with the photo and `source`, where it was read, unless its name, pose and
-    camera can be."""
+    """Raise CaptureError unless a photo's name, pose and camera, read from `source`, can be."""
     lens, name, sides = frame.intrinsics, frame.name, (frame.width, frame.height)
     with np.errstate(over="ignore"):
         numbers = np.array([*frame.world_to_camera.flat, *lens.values()]).astype(np.float32)
