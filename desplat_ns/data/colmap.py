@@ -140,8 +140,7 @@ class DeSplatColmapDataParser(ColmapDataParser):
         return named
 
     def lists(self, names: Sequence[str]) -> Lists:
-        """Which of the photos, by their names inside the images folder, each split has; empty where
-        nerfstudio's options decide."""
+        """Names of each split's photos in the images folder; empty: nerfstudio's options decide."""
         return self.reconstruction.splits or read_list_files(self.config.data)
 
     def views(self, split: str) -> list[int]:
@@ -179,7 +178,6 @@ class DeSplatColmapDataParser(ColmapDataParser):
         sources = photo_sources(
             self.photos_folder, frames, config.downscale_factor, config.downscale_rounding_mode
         )
-        oriented = self.oriented
         metadata: dict[str, Any] = {}
         if config.distractor_masks_path is not None:
             folder = config.data / config.distractor_masks_path
@@ -187,14 +185,13 @@ class DeSplatColmapDataParser(ColmapDataParser):
             masks = [path if path.is_file() else None for path in paths]
             metadata |= {GT_MASKS: masks} if any(masks) else {}
         if config.load_3D_points and len(self.reconstruction.points.xyz):
-            metadata |= points_metadata(self.reconstruction, oriented, frames)
-        half = config.scene_scale
+            metadata |= points_metadata(self.reconstruction, self.oriented, frames)
         return DataparserOutputs(
             image_filenames=[source.path for source in sources],
-            cameras=make_cameras(frames, sources, oriented.camera_to_worlds[indices]),
-            scene_box=SceneBox(aabb=torch.tensor([[-half] * 3, [half] * 3], dtype=torch.float32)),
+            cameras=make_cameras(frames, sources, self.oriented.camera_to_worlds[indices]),
+            scene_box=SceneBox(config.scene_scale * torch.tensor([[-1.0] * 3, [1.0] * 3])),
             mask_filenames=self.masks(frames),
-            dataparser_scale=oriented.scale,
-            dataparser_transform=oriented.transform.float(),
+            dataparser_scale=self.oriented.scale,
+            dataparser_transform=self.oriented.transform.float(),
             metadata=metadata,
         )

@@ -5,7 +5,6 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 from nerfstudio.data.dataparsers.colmap_dataparser import MAX_AUTO_RESOLUTION
 
@@ -13,8 +12,6 @@ from desplat_ns.core.console import announce_once
 from desplat_ns.data.images import image_size
 from desplat_ns.data.photo_files import begin_folder, check_files
 from desplat_ns.data.reconstruction import Frame
-
-Rounding = Literal["floor", "round", "ceil"]
 
 SIZE_TOLERANCE = 1
 """Pixels by which a reduced copy may differ from the photo's size over the factor, by rounding."""
@@ -38,7 +35,7 @@ def downscale_factor(requested: int | None, frame: Frame) -> float:
 
 
 def photo_sources(
-    images: Path, frames: Sequence[Frame], requested: int | None, rounding: Rounding
+    images: Path, frames: Sequence[Frame], requested: int | None, rounding: str
 ) -> list[PhotoSource]:
     """Files of photos and their sizes in use, by `downscale_factor`; says once whence they are.
     Raises CaptureError where some are not there.
@@ -67,8 +64,8 @@ def photo_sources(
     return sources
 
 
-def reduced_length(length: int, factor: int | float, rounding: Rounding) -> int:
-    """Pixels of a side over `factor`, at least 1."""
+def reduced_length(length: int, factor: int | float, rounding: str) -> int:
+    """Pixels of a side over `factor`, at least 1; `rounding` is floor, round or ceil."""
     exact = length / factor
     rounded = {"floor": math.floor, "round": lambda x: math.floor(x + 0.5), "ceil": math.ceil}
     return max(1, rounded[rounding](exact))

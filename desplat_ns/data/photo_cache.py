@@ -29,8 +29,7 @@ def photo_bytes(dataset: CaptureDataset) -> list[int]:
 
 
 def free_memory(device: torch.device) -> int:
-    """Bytes that nobody uses where photos are held: the machine's, or the GPU's if these are
-    fewer."""
+    """Bytes that nobody uses where photos are held: the machine's, or the GPU's if fewer."""
     free = memory()[1]
     return min(free, torch.cuda.mem_get_info(device)[0]) if device.type == "cuda" else free
 
@@ -62,12 +61,8 @@ class BoundedPhotos(Sequence[Photo]):
         return self._count
 
     def __getitem__(self, index: Any) -> Photo:
-        """A photo; those that come next begin to be read.
-
-        Raises:
-            IndexError: there is no such photo.
-            Exception: whatever reading raises; asked for again, the photo is read again.
-        """
+        """A photo; those that come next begin to be read. Raises IndexError, and whatever reading
+        raises: asked for again, the photo is read again."""
         index = range(len(self))[index]
         wanted = [index, *islice(self._upcoming(), self._ahead)]
         for photo in self._held.keys() - {*self._stay, *wanted}:

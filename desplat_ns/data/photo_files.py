@@ -52,16 +52,14 @@ def exposed_together(path: Path) -> Path:
 
 
 def file_names(folder: Path) -> list[str]:
-    """Files in a folder and the folders inside it, also behind links, sorted: paths below it with
-    forward slashes."""
+    """Files in a folder and those inside it, also behind links: sorted paths below it, with `/`."""
     names, seen = [], set()
     for at, folders, files in os.walk(folder, followlinks=True):
-        is_new = (real := os.path.realpath(at)) not in seen  # a link may lead back
-        seen.add(real)
-        if is_new:
-            names += [Path(at, name).relative_to(folder).as_posix() for name in files]
-        else:
+        if (real := os.path.realpath(at)) in seen:  # a link leads back
             folders.clear()
+            continue
+        seen.add(real)
+        names += [Path(at, name).relative_to(folder).as_posix() for name in files]
     return sorted(names)
 
 
@@ -79,8 +77,7 @@ def downscale_factors(images: Path) -> list[int]:
 
 
 def check_files(paths: Sequence[Path], folder: Path, what: str, option: str) -> None:
-    """Raise CaptureError, with `what` is missing from `folder` and the `option` to set, unless all
-    files are there."""
+    """Raise CaptureError, with `what` is missing and the `option` to set, unless all are there."""
     missing = [path for path in paths if not os.path.isfile(path)]  # also of names too long
     if missing:
         names = list_names(os.path.relpath(path, folder) for path in missing)

@@ -1,7 +1,4 @@
-"""From a reconstruction's frames and points to the cameras and points that training uses.
-
-Letters in shapes: n photos.
-"""
+"""From a reconstruction's photos (n in shapes) and points to the cameras and points of training."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
