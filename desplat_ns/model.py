@@ -17,7 +17,7 @@ from desplat_ns.backend import Rasterizer, resolve
 from desplat_ns.backend.accumulated_weights import accumulated_weights
 from desplat_ns.backend.protocol import Rendering, RenderSettings, Splats, View
 from desplat_ns.cameras.near_plane import sampled, scene_start, stands_clear
-from desplat_ns.cameras.views import detached, reduced, resized, view_of
+from desplat_ns.cameras.views import reduced, resized, view_of
 from desplat_ns.core.console import list_names
 from desplat_ns.core.devices import state_to_device
 from desplat_ns.core.effects import Effects
@@ -205,7 +205,8 @@ class DeSplatModel(SplatfactoModel):
         if self.distractors is not None and step.nominal >= self.distractors.config.warmup:
             self.distractors.views[index].begin_step(rates_at(step.nominal))
             # Poses are the static scene's to learn.
-            step.distractors = self.draw_distractors(index, detached(view))
+            fixed = View(view.viewmat.detach(), view.K.detach(), view.width, view.height)
+            step.distractors = self.draw_distractors(index, fixed)
             if step.distractors is not None:
                 step.distractors.means2d.retain_grad()  # densification reads it
         return step

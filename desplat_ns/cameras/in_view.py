@@ -37,11 +37,8 @@ EASE = 1e-3
 
 @torch.no_grad()
 def in_view(splats: Splats, view: View) -> Bool[Tensor, " N"]:
-    """Which Gaussians may be drawn; those left out show in no pixel, and get no gradient.
-
-    Gaussians that only cover each other are not told apart: this looks at each one alone. Values
-    that are not finite are left out.
-    """
+    """Which Gaussians may be drawn; those left out show in no pixel, and get no gradient. Each is
+    looked at alone, whatever covers it; values that are not finite are left out."""
     rotation, translation = view.viewmat[:3, :3], view.viewmat[:3, 3]
     camera = (rotation @ splats.means.T + translation[:, None]).unbind(0)
     largest = _largest(splats.means) * rotation.abs().sum(1).max() + translation.abs().max()

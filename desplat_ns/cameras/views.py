@@ -21,8 +21,7 @@ def world_to_camera(camera_to_world: Float[Tensor, "3 4"]) -> Float[Tensor, "4 4
 
 
 def is_distorted(cameras: Cameras) -> bool:
-    """Whether the lens of any camera bends what a pinhole shows straight; a fisheye does without
-    terms of distortion."""
+    """Whether any lens bends what a pinhole shows straight, as each fisheye does."""
     distortion = cameras.distortion_params
     bends = distortion is not None and bool(torch.any(distortion != 0))
     return bends or bool(torch.any(cameras.camera_type == CameraType.FISHEYE.value))
@@ -57,8 +56,7 @@ def resized(view: View, size: tuple[int, int]) -> View:
 
 
 def reduced(image: Shaped[Tensor, "H W C"], size: tuple[int, int]) -> Shaped[Tensor, "h w C"]:
-    """An image at a smaller (width, height), each pixel the mean of the area that it covers. On a
-    GPU the result is float32."""
+    """An image at a smaller (width, height), each pixel the mean of its area; float32 on a GPU."""
     if image.is_cpu:
         smaller = cv2.resize(image.numpy(), size, interpolation=cv2.INTER_AREA)
         return torch.from_numpy(smaller.reshape(size[1], size[0], -1))
@@ -68,11 +66,6 @@ def reduced(image: Shaped[Tensor, "H W C"], size: tuple[int, int]) -> Shaped[Ten
 
 def views_of(cameras: Cameras) -> list[View]:
     return [view_of(cameras[i : i + 1]) for i in range(len(cameras))]
-
-
-def detached(view: View) -> View:
-    """The same view as a constant: no gradient of its pose or intrinsics."""
-    return View(view.viewmat.detach(), view.K.detach(), view.width, view.height)
 
 
 def image_points(

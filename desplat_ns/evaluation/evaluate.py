@@ -35,15 +35,13 @@ Show = Callable[[int, Tensor], None]
 PACKAGES = ("nerfstudio", "gsplat", "torch", "numpy", "numba")
 """Packages that a figure may depend on."""
 
-Region = Literal["full image", "right half"]
-
 
 @dataclass
 class Scorer:
     """One way to score images."""
 
     model: DeSplatModel
-    region: Region = "full image"
+    region: Literal["full image", "right half"] = "full image"
     """Which pixels count."""
     fit: EvaluationConfig | None = None
     """How each image's light is found on its left half, the protocol of Photo Tourism (App. B.1);
@@ -60,7 +58,7 @@ class Scorer:
                 "effects.appearance is off. Evaluate by `desplat-eval --protocol full`, or train "
                 "with `--pipeline.model.effects.appearance affine`."
             )
-        if config.protocol == "half" or (config.protocol == "auto" and has_light):
+        if config.protocol in ("half", "auto") and has_light:
             return cls(model, "right half", config)
         return cls(model, "right half" if config.protocol == "right" else "full image")
 
@@ -146,7 +144,7 @@ def evaluate(
             )
     results: dict[str, Any] = {**summarize(scored, True), **gaussian_counts(model)}
     if model.distractors is not None:
-        results |= score_masks(model.get_outputs_for_camera, masks)
+        results |= score_masks(model, masks)
     results["backend"], results["device"] = model.rasterizer.name, str(model.device)
     own = {"python": platform.python_version(), "desplat_ns": desplat_ns.__version__}
     results["versions"] = own | {package: version(package) for package in PACKAGES}
@@ -211,14 +209,13 @@ def gaussian_counts(model: DeSplatModel) -> dict[str, int | float]:
 
 
 def score_masks(
-    draw: Callable[[Cameras], dict[str, Tensor]], masks: Sequence[tuple[Cameras, Path]]
+    model: DeSplatModel, masks: Sequence[tuple[Cameras, Path]]
 ) -> dict[str, int | float]:
     """`mask_iou` and `alpha_outside_masks`, means over the training views that have masks, and
     `num_masks`; empty if there is none. Raises CaptureError where a mask cannot be read.
 
     `alpha_outside_masks` leaves out views that are covered wholly. Photos with lens distortion are
-    left out: training undistorts them, but not their masks. `draw` gives `alpha_distractor` and
-    `distractor_mask` [H, W, 1] of a camera.
+    left out: training undistorts them, but not their masks.
     """
     masks = [(camera, path) for camera, path in masks if not is_distorted(camera)]
     if not masks:
@@ -226,12 +223,11 @@ def score_masks(
     scores: dict[str, list[float]] = defaultdict(list)
     with progress_over(len(masks), "Scoring distractor masks...") as advance:
         for camera, path in masks:
-            outputs = draw(camera)
+            outputs = model.get_outputs_for_camera(camera)
             alpha = outputs["alpha_distractor"]
             truth = read_gt_mask(path, alpha.shape[1], alpha.shape[0]).to(alpha.device)
             scores["mask_iou"].append(mask_iou(outputs["distractor_mask"], truth))
-            outside = mean_alpha_outside(alpha, truth)
-            if outside is not None:
+            if (outside := mean_alpha_outside(alpha, truth)) is not None:
                 scores["alpha_outside_masks"].append(outside)
             advance()
     means = {name: statistics.fmean(values) for name, values in scores.items()}
