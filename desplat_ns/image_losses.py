@@ -33,8 +33,7 @@ def image_losses(
     was compared with its photo. `outputs`: of `DeSplatModel.get_outputs` in training."""
     own, sky, mask = config.distractors, effects.background, step.mask
     alpha_s = outputs["accumulation"]
-    alpha_d = outputs.get("alpha_distractor")
-    alpha_d = torch.zeros_like(alpha_s) if alpha_d is None else alpha_d
+    alpha_d = outputs["alpha_distractor"] if effects.distractors else torch.zeros_like(alpha_s)
     if mask is not None:  # in what it leaves out nothing is drawn, and nothing is missing
         alpha_s, alpha_d = alpha_s.where(mask, 1.0), alpha_d.where(mask, 0.0)
     weight = None

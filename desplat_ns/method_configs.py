@@ -1,6 +1,6 @@
 """The registered methods. Those that end in `-paper` have the numbers of App. B.3 and Splatfacto's
-and nothing else; `desplat` changes what `separating_distractors` lists, refines seldom and has the
-effects that a survey of the capture asks for; `desplat-phototourism` has those of tourists' photos.
+and nothing else; `desplat` changes what `desplat_model` lists, refines seldom and has the effects
+that a survey of the capture asks for; `desplat-phototourism` has those of tourists' photos.
 """
 
 import torch
@@ -29,8 +29,8 @@ VISITS, QUICK_VISITS = 75.0, 25.0
 train")."""
 
 PHOTO_TOURISM_STEPS, BACKGROUND_STEPS = 200_000, 100_000
-"""The same for Photo Tourism, and steps in which the background's rates fall: as in the authors'
-code."""
+"""The same for Photo Tourism, and steps at most in which the background's rates fall: as in the
+authors' code."""
 
 
 def _constant(lr: float) -> dict:
@@ -44,8 +44,10 @@ def _decaying(lr: float, lr_final: float, warmup_steps: int = 0, steps: int = ST
     return {"optimizer": FusedAdamConfig(lr=lr, eps=1e-15), "scheduler": decay}
 
 
-def static_optimizers() -> dict:
-    """Splatfacto's (nerfstudio 1.1.5)."""
+def optimizers(steps: int) -> dict:
+    """Of the static set, poses and grids Splatfacto's (nerfstudio 1.1.5); of appearance and
+    background, where they are on, B.3's, but for the cheaper grades', which are ours."""
+    background_steps = min(steps, BACKGROUND_STEPS)
     return {
         "means": _decaying(1.6e-4, 1.6e-6),
         "features_dc": _constant(2.5e-3),
@@ -55,13 +57,6 @@ def static_optimizers() -> dict:
         "quats": _constant(1e-3),
         "camera_opt": _decaying(1e-4, 5e-7, warmup_steps=1000),
         "bilateral_grid": _decaying(2e-3, 1e-4, warmup_steps=1000),
-    }
-
-
-def image_effect_optimizers(background_steps: int = STEPS) -> dict:
-    """B.3, for appearance and background where they are on; the cheaper grades' are ours. The
-    background's rates fall in `background_steps`."""
-    return {
         "camera_responses": _decaying(2e-2, 5e-4),
         "background_coefficients": _decaying(1e-2, 1e-3),
         "appearance_mlp": _constant(5e-4),
@@ -73,26 +68,21 @@ def image_effect_optimizers(background_steps: int = STEPS) -> dict:
     }
 
 
-def separating_distractors() -> DistractorConfig:
-    """What separates in short runs as in long ones: docs/explain/separation.md says why,
-    docs/results/quality.md how well."""
-    return DistractorConfig(
-        start="residual",
-        static_alone=True,
-        static_warmup=None,
-        lambda_d=0.1,
-        initial_opacity=0.5,
-        leak=0.03,
-        refine_visits=5,
-    )
-
-
 def desplat_model(effects: EffectsConfig) -> DeSplatModelConfig:
-    """What works in runs of any length."""
+    """What separates, and works, in short runs as in long ones: docs/explain/separation.md says
+    why, docs/results/quality.md how well."""
     return DeSplatModelConfig(
         effects=effects,
         appearance=AppearanceConfig(mlp_scale=1.0),
-        distractors=separating_distractors(),
+        distractors=DistractorConfig(
+            start="residual",
+            static_alone=True,
+            static_warmup=None,
+            lambda_d=0.1,
+            initial_opacity=0.5,
+            leak=0.03,
+            refine_visits=5,
+        ),
         first_megapixels=0.05,
         resolution_schedule=12_000,
         gaussians_per_pixel=0.05,
@@ -113,7 +103,6 @@ def _method(
     model: DeSplatModelConfig,
     steps: int = STEPS,
     visits: float = 0.0,
-    background_steps: int = STEPS,
 ) -> MethodSpecification:
     """A method of `steps` steps, or with `visits` as long as the photos ask for."""
     return MethodSpecification(
@@ -132,7 +121,7 @@ def _method(
             steps_per_eval_image=1000,  # with its picture as long as seven steps
             steps_per_eval_all_images=1000,
             pipeline=DeSplatPipelineConfig(datamanager=DeSplatDataManagerConfig(), model=model),
-            optimizers=static_optimizers() | image_effect_optimizers(background_steps),
+            optimizers=optimizers(steps),
             vis="viewer",
         ),
         description=description,
@@ -187,7 +176,6 @@ desplat_phototourism_paper = _method(
     "DeSplat with the paper's settings for Photo Tourism (App. B.3), to compare with.",
     paper_model(EffectsConfig(appearance="affine", background="image")),
     steps=PHOTO_TOURISM_STEPS,
-    background_steps=BACKGROUND_STEPS,
 )
 
 desplat_phototourism_a_paper = _method(
@@ -195,5 +183,4 @@ desplat_phototourism_a_paper = _method(
     "As desplat-phototourism-paper, with the appearance model alone (DeSplat-A).",
     paper_model(EffectsConfig(appearance="affine")),
     steps=PHOTO_TOURISM_STEPS,
-    background_steps=BACKGROUND_STEPS,
 )

@@ -6,7 +6,6 @@ from functools import cached_property, partial
 from typing import Any
 
 import torch
-from gsplat.strategy import DefaultStrategy
 from nerfstudio.cameras.cameras import Cameras
 from nerfstudio.model_components.lib_bilagrid import color_correct, total_variation_loss
 from nerfstudio.models.splatfacto import SH2RGB, SplatfactoModel
@@ -22,19 +21,13 @@ from desplat_ns.core.console import list_names
 from desplat_ns.core.devices import state_to_device
 from desplat_ns.core.effects import Effects
 from desplat_ns.core.errors import BackendUnavailableError, CaptureError, DeSplatError
-from desplat_ns.core.schedule import NominalStep, RunStep, Schedule, pause_after_reset
+from desplat_ns.core.schedule import SPLATFACTOS_INTERVAL, NominalStep, RunStep, Schedule
 from desplat_ns.data.images import resize_image
 from desplat_ns.data.point_cloud import distinct
 from desplat_ns.data.training_views import train_index, view_name
 from desplat_ns.distractors.config import rates_at
 from desplat_ns.distractors.distractors import Distractors
-from desplat_ns.distractors.refinement import strategy_info
-from desplat_ns.gaussians.activation import (
-    RawParameters,
-    activate_distractors,
-    activate_static,
-    resize_rows,
-)
+from desplat_ns.gaussians.activation import RawParameters, activate_distractors, activate_static
 from desplat_ns.gaussians.strategy import StaticStrategy
 from desplat_ns.image_losses import image_losses, main_loss
 from desplat_ns.layers import layered_outputs, over_background, static_outputs
@@ -73,9 +66,10 @@ class DeSplatModel(SplatfactoModel):
     """The step at hand, between nerfstudio's calls; None if there is none, or if it was dropped."""
 
     def populate_modules(self) -> None:
-        """Static Gaussians at the 3D points, what the effects need, and distractors in front of
-        every training camera."""
-        if self.seed_points is not None and not self.config.random_init:
+        """Static Gaussians at the 3D points, what the effects need, and each view's distractors."""
+        if self.config.random_init:
+            self.seed_points = None
+        if self.seed_points is not None:
             points, colors = self.seed_points
             rows = torch.from_numpy(distinct(points.detach().cpu().numpy()))
             self.seed_points = (points[rows], colors[rows])
@@ -97,12 +91,12 @@ class DeSplatModel(SplatfactoModel):
         cameras: Cameras = self.kwargs["metadata"]["train_cameras"]
         num_views, scale, effects = self.num_train_data, self.schedule.scale, self.effects
         pixels = int((cameras.width * cameras.height).sum())
-        assert isinstance(self.strategy, DefaultStrategy)
         smaller = config.downscale_factor(0, pixels // num_views) if config.first_megapixels else 1
+        pause = round((num_views + SPLATFACTOS_INTERVAL) / scale)  # of a run, as Splatfacto's
         settings = {
             "grow_grad2d": config.densify_grad_thresh / math.sqrt(smaller),
             "reset_every": config.reset_every,
-            "pause_refine_after_reset": pause_after_reset(num_views, config.reset_every, scale),
+            "pause_refine_after_reset": min(pause, config.reset_every // 2),
             "verbose": False,
             "most": config.most_gaussians(pixels, self.kwargs.get("device", "cpu")),
             "long_axis_split": config.long_axis_split,
@@ -116,7 +110,7 @@ class DeSplatModel(SplatfactoModel):
         self.shown_light = ShownLight(self.names if effects.image_light else [])
         self.distractors = None
         if effects.distractors:
-            seeds = self.seed_points[0].to(cameras.device) if self.has_points else None
+            seeds = None if self.seed_points is None else self.seed_points[0].to(cameras.device)
             self.distractors = Distractors(
                 config.distractors, config, cameras, seeds, effects.background, scale
             )
@@ -143,21 +137,18 @@ class DeSplatModel(SplatfactoModel):
         return groups
 
     def view_optimizers(self) -> dict[str, Optimizer]:
-        """That of the distractors that the step at hand drew; nerfstudio's hold all else."""
+        """That of the distractors that the step at hand drew; all else is nerfstudio's."""
         step = self.train_step
         if self.distractors is None or step is None or step.distractors is None:
             return {}
-        own = self.distractors.views[step.index].optimizer
-        return {} if own is None else {"distractors": own}
+        return {"distractors": self.distractors.views[step.index].optimizer}
 
     # --- a step ------------------------------------------------------------------------------
 
     def get_outputs(self, camera: Cameras) -> dict[str, Tensor]:
-        """Render one camera: images [H, W, C] with colours in [0, 1]. They are rgb (in training
-        what the loss sees, else the static scene), depth (world units; not in training),
-        accumulation, background; with distractors also rgb_static, rgb_composite, rgb_distractor
-        (weighted by its alpha), alpha_distractor and distractor_mask (bool). In training this
-        begins the `Step`."""
+        """Render one camera: the images of `static_outputs`, with distractors also rgb_static and
+        those of `layered_outputs`. rgb is the static scene, in training what the loss sees. In
+        training this begins the `Step`, and there is no depth."""
         index = train_index(camera)
         view = self.view_of_camera(camera, index)
         if index is None and not self.training:
@@ -186,29 +177,21 @@ class DeSplatModel(SplatfactoModel):
             outputs["rgb"] = outputs["rgb_composite"]
         if self.config.use_bilateral_grid and index is not None:
             for name in outputs.keys() & {"rgb", "rgb_static"}:
-                size = view.height, view.width
-                toned = self._apply_bilateral_grid(outputs[name][None], index, *size)
-                outputs[name] = toned[0]
+                image, size = outputs[name][None], (view.height, view.width)
+                outputs[name] = self._apply_bilateral_grid(image, index, *size)[0]
         return outputs
 
     def _begin_step(self, index: int, view: View, static: Rendering) -> Step:
         """The step that draws a training view, with its distractors."""
-        self.strategy.step_pre_backward(
-            self.gauss_params,
-            self.optimizers,
-            self.strategy_state,
-            self.step,
-            strategy_info(static, view),
-        )
-        step = Step(self.nominal_step, RunStep(self.step), index, view, static)
-        self.train_step = step
+        self.train_step = step = Step(self.nominal_step, RunStep(self.step), index, view, static)
+        static.means2d.retain_grad()  # densification reads it, and that of the distractors
         if self.distractors is not None and step.nominal >= self.distractors.config.warmup:
             self.distractors.views[index].begin_step(rates_at(step.nominal))
             # Poses are the static scene's to learn.
             fixed = View(view.viewmat.detach(), view.K.detach(), view.width, view.height)
             step.distractors = self.draw_distractors(index, fixed)
             if step.distractors is not None:
-                step.distractors.means2d.retain_grad()  # densification reads it
+                step.distractors.means2d.retain_grad()
         return step
 
     def get_loss_dict(
@@ -267,8 +250,7 @@ class DeSplatModel(SplatfactoModel):
         return self.image_effects.apply_camera_response(background, view, embedding).clamp(0, 1)
 
     def photo_of(self, background: Tensor, image: Tensor) -> Tensor:
-        """The photo [H, W, 3] of an image at the step's size; where it is transparent it shows the
-        background."""
+        """The photo [H, W, 3] of an image at the step's size, over the background."""
         return self.composite_with_background(self.get_gt_img(image), background)
 
     def get_gt_img(self, image: Tensor) -> Tensor:
@@ -301,13 +283,8 @@ class DeSplatModel(SplatfactoModel):
             return
         if self.distractors is not None:
             self.distractors.remember(done, self.strategy_state)
-        self.strategy.step_post_backward(
-            self.gauss_params,
-            self.optimizers,
-            self.strategy_state,
-            self.nominal_step,
-            strategy_info(done.static, done.view),
-        )
+        held = self.gauss_params, self.optimizers, self.strategy_state
+        self.strategy.after_step(*held, self.nominal_step, done.static)
         self.image_effects.after_step()
         if self.num_points == 0:
             raise DeSplatError(
@@ -323,11 +300,6 @@ class DeSplatModel(SplatfactoModel):
         drawn = accumulated_weights(self.rasterizer, activate_distractors(params), view, settings)
         camera = self.kwargs["metadata"]["train_cameras"][step.index]
         return drawn * (int(camera.width) * int(camera.height) / (view.width * view.height))
-
-    def view_name(self) -> str:
-        """The training photo of the step at hand."""
-        train_step = self.train_step
-        return "an unknown photo" if train_step is None else view_name(self.names, train_step.index)
 
     @torch.no_grad()  # torch warns where numbers with a gradient are logged
     def get_metrics_dict(self, outputs: dict[str, Any], batch: dict[str, Any]) -> dict[str, Any]:
@@ -414,15 +386,7 @@ class DeSplatModel(SplatfactoModel):
     @cached_property
     def points(self) -> Tensor | None:
         """A sample of the reconstruction's [P, 3]; None if the scene did not start from them."""
-        if not self.has_points:
-            return None
-        assert self.seed_points is not None
-        return sampled(self.seed_points[0]).to(self.device)
-
-    @property
-    def has_points(self) -> bool:
-        """Whether the scene started from a reconstruction's points."""
-        return self.seed_points is not None and not self.config.random_init
+        return None if self.seed_points is None else sampled(self.seed_points[0]).to(self.device)
 
     # --- the light of an image ---------------------------------------------------------------
 
@@ -444,8 +408,7 @@ class DeSplatModel(SplatfactoModel):
     def image_of(
         self, static: Rendering, background: Tensor, view: View, embedding: Tensor
     ) -> Tensor:
-        """The static scene over the background [H, W, 3], as the image's camera shows it; colours
-        may be beyond 1."""
+        """The static scene over the background [H, W, 3], as the camera shows it, also beyond 1."""
         image = over_background(static.rgb, static.alpha, background)
         return self.image_effects.apply_camera_response(image, view, embedding)
 
@@ -513,12 +476,17 @@ class DeSplatModel(SplatfactoModel):
     # --- checkpoints -------------------------------------------------------------------------
 
     def load_state_dict(self, dict: Any, **kwargs: Any) -> Any:
-        """nn.Module's: Splatfacto's replaces the parameters that the optimizers hold."""
+        """nn.Module's: Splatfacto 1.1.5 replaces the parameters that the optimizers hold, and
+        Gaussians in new ones would never move again."""
         return nn.Module.load_state_dict(self, dict, **kwargs)
 
     def _load_from_state_dict(self, state_dict: dict[str, Any], prefix: str, *args: Any) -> None:
         """torch's hook, called before the children load: take the saved number of Gaussians."""
-        resize_rows(self.gauss_params, state_dict, f"{prefix}gauss_params.")
+        for name, parameter in self.gauss_params.items():
+            saved = state_dict.get(f"{prefix}gauss_params.{name}")
+            if saved is not None and saved.shape[1:] == parameter.shape[1:]:
+                parameter.data = parameter.data.new_empty(saved.shape)
+                parameter.grad = None
         super()._load_from_state_dict(state_dict, prefix, *args)
 
     def get_extra_state(self) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from desplat_ns.backend.spherical_harmonics import MAX_DEGREE
 from desplat_ns.core.cores import memory as machine_memory
 from desplat_ns.core.effects import EffectsConfig
 from desplat_ns.core.options import check_ranges, ranged
-from desplat_ns.core.schedule import SPLATFACTOS_INTERVAL, steps_between_refinements
+from desplat_ns.core.schedule import SPLATFACTOS_INTERVAL
 from desplat_ns.distractors.config import DistractorConfig
 from desplat_ns.gaussians.strategy import UNLIMITED
 from desplat_ns.photo_tourism.config import AppearanceConfig
@@ -97,9 +97,9 @@ class DeSplatModelConfig(SplatfactoModelConfig):
         check_ranges(self, "--pipeline.model")
         run, scale = replace(self), self.schedule_scale or 1.0
         densification = max(1, round(self.stop_split_at * scale))
-        run.refine_every = steps_between_refinements(
-            num_views, densification, self.refinements, self.refine_every
-        )
+        # gradients averaged over fewer than half of the views are mostly noise
+        every = max(num_views // 2, math.ceil(densification / self.refinements))
+        run.refine_every = min(every, self.refine_every) if self.refine_every > 0 else every
         if self.effects.settled().appearance in ("affine", "sh"):
             run.opacity_prior = 0.0
         run.distractors = replace(self.distractors, static_warmup=self.warmup_of(num_views)[0])
@@ -126,10 +126,9 @@ class DeSplatModelConfig(SplatfactoModelConfig):
 
     @property
     def reset_every(self) -> int:
-        """Nominal steps from one reset of the static opacities to the next; `reset_alpha_every` 0:
-        none."""
+        """Nominal steps from one reset of the static opacities to the next."""
         steps = self.reset_alpha_every * SPLATFACTOS_INTERVAL
-        return steps if steps > 0 else UNLIMITED
+        return steps if steps > 0 else UNLIMITED  # 0: no resets
 
     def most_gaussians(self, pixels: int, device: str | torch.device) -> int:
         """Static Gaussians beyond which the set does not grow, by the pixels of all training photos

@@ -92,11 +92,9 @@ def give_masks_a_colormap_in_the_viewer() -> None:
     """Let boolean outputs be chosen in the viewer's menu: nerfstudio 1.1.5 (control_panel.py,
     `_get_colormap_options`) offers no colormap for them, and an IndexError of viser, which cannot
     show an empty menu, ends the thread that renders."""
-    control_panel._get_colormap_options = _colormap_options
-
-
-def _colormap_options(dimensions: int, dtype: Any) -> list[Any]:
-    return ["default"] if dtype == torch.bool else _upstream_colormap_options(dimensions, dtype)
+    control_panel._get_colormap_options = lambda dimensions, dtype: (
+        ["default"] if dtype == torch.bool else _upstream_colormap_options(dimensions, dtype)
+    )
 
 
 def train_on_where_logs_cannot_be_written() -> None:
@@ -190,13 +188,12 @@ def write_enumerations_by_value() -> None:
     Python 3.11.0 to 3.11.3 pickles them as a call of `getattr`, and PyYAML writes what pickle says:
     a config.yml that calls a function is not read (`RunLoader`).
     """
-    yaml.add_multi_representer(Enum, _enumeration)
 
+    def by_value(dumper: yaml.Dumper, member: Enum) -> yaml.Node:
+        named = f"{type(member).__module__}.{type(member).__name__}"
+        return dumper.represent_sequence(f"{_STANDARD}python/object/apply:{named}", [member.value])
 
-def _enumeration(dumper: yaml.Dumper, member: Enum) -> yaml.Node:
-    named = f"{type(member).__module__}.{type(member).__name__}"
-    tag = f"tag:yaml.org,2002:python/object/apply:{named}"
-    return dumper.represent_sequence(tag, [member.value])
+    yaml.add_multi_representer(Enum, by_value)
 
 
 UNPICKLES = "minimal-parser"

@@ -21,7 +21,6 @@ from torch.utils._python_dispatch import TorchDispatchMode
 
 from desplat_ns.backend import projection, resolve
 from desplat_ns.backend.protocol import RenderSettings, Splats, View
-from desplat_ns.distractors.refinement import strategy_info
 
 FREE = re.compile(r"aten::(detach|alias|_unsafe_view|lift_fresh|scalar_tensor|(new_)?empty.*)$")
 """What launches nothing, beside views."""
@@ -108,4 +107,4 @@ def rasterization(
     splats = Splats(means, quats, scales, opacities, colors, sh_degree)
     drawn = resolve("numba", "cpu")(splats, view, settings)
     image = drawn.rgb if drawn.depth is None else torch.cat([drawn.rgb, drawn.depth], dim=-1)
-    return image[None], drawn.alpha[None], strategy_info(drawn, view)
+    return image[None], drawn.alpha[None], {"means2d": drawn.means2d, "radii": drawn.radii[None]}

@@ -25,8 +25,8 @@ from desplat_ns.core.schedule import NominalStep
 from desplat_ns.distractors.config import DistractorConfig
 from desplat_ns.distractors.distractors import apply_mask
 from desplat_ns.distractors.placement import distractor_weight
-from desplat_ns.distractors.refinement import DistractorDensifier, strategy_info
-from desplat_ns.distractors.sets import PARAMETER_NAMES, ViewDistractors
+from desplat_ns.distractors.refinement import DistractorDensifier
+from desplat_ns.distractors.sets import ViewDistractors
 from desplat_ns.gaussians.activation import activate_distractors, sigmoid
 from desplat_ns.layers import layered_outputs, over_background, static_outputs
 from desplat_ns.losses import (
@@ -47,7 +47,7 @@ from desplat_ns.separation.residuals import medians_in
 from desplat_ns.separation.sweep import photo_to_sweep
 
 WIDTH, HEIGHT, N = 60, 40, 50
-WIDTHS = dict(zip(PARAMETER_NAMES, (3, 3, 4, 3, 1), strict=True))
+WIDTHS = {"means": 3, "scales": 3, "quats": 4, "rgbs": 3, "opacities": 1}
 """Values per distractor."""
 CUDA = torch.device("cuda")
 
@@ -115,13 +115,12 @@ def test_densification_stays_on_the_gpu_until_it_counts_what_to_clone(start):
     distractors = distractors_with_moments()
     config = DistractorConfig(per_view=100, start=start, static_alone=True, static_warmup=5)
     densifier = DistractorDensifier(config, SplatfactoModelConfig(warmup_length=0), every=1)
-    view, drawn = the_view(), rendering()
+    drawn = rendering()
     means2d: Any = drawn.means2d
     means2d.absgrad = cuda(1, N, 2)
-    info = strategy_info(drawn, view)
     distractors.refinement, step = 20, NominalStep(20)  # not due
     for _ in range(2):
-        densifier.after_step(distractors, step, info, lambda params: params["means"][:, 0])
+        densifier.after_step(distractors, step, drawn, lambda params: params["means"][:, 0])
     running = distractors.state
     assert_on_cuda(running["grad2d"], running["count"])
     assert (running["radii"] is None) == (start == "residual")
@@ -139,7 +138,7 @@ def test_exchanging_distractors_stays_on_the_gpu():
     new = {name: cuda(5, width) for name, width in WIDTHS.items()}
     view.exchange(torch.arange(0, N, 2, device="cuda"), new)
     assert_on_cuda(*view.params.values(), view.state["grad2d"])
-    for name in PARAMETER_NAMES:
+    for name in WIDTHS:
         assert_on_cuda(view.optimizers[name].state[view.params[name]]["exp_avg"])
 
 

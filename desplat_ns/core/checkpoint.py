@@ -4,7 +4,6 @@ The files are nerfstudio's (`step-000000299.ckpt`): `ns-eval` and the other comm
 """
 
 import pickle
-import re
 import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -17,7 +16,6 @@ from desplat_ns.core.console import announce
 from desplat_ns.core.errors import CheckpointError, ConfigError
 from desplat_ns.core.whole import draft_of, only_process_in
 
-CHECKPOINT_NAME = re.compile(r"step-\d+\.ckpt")
 STAGING_FOLDER = ".saving"
 """Where a checkpoint is written before it is complete. Beside the checkpoint folder, not in it:
 nerfstudio 1.1.5 takes every name in that folder for a checkpoint and fails on any other."""
@@ -35,11 +33,8 @@ def step_of(path: Path) -> int:
 
 def checkpoints_in(folder: Path) -> list[Path]:
     """Checkpoints of a folder, the newest (highest step) last; none where there is no folder."""
-    paths = folder.iterdir() if folder.is_dir() else ()
-    return sorted((path for path in paths if CHECKPOINT_NAME.fullmatch(path.name)), key=step_of)
-
-
-# --- written -------------------------------------------------------------------------------------
+    named = (path for path in folder.glob("step-*.ckpt") if path.stem[len("step-") :].isdecimal())
+    return sorted(named, key=step_of)
 
 
 def save_atomically(state: dict[str, Any], path: Path) -> None:
@@ -62,13 +57,11 @@ def save_atomically(state: dict[str, Any], path: Path) -> None:
 def remove_older(path: Path) -> None:
     """Delete the checkpoints beside `path`, which must be complete, but for the one before it: that
     is gone on from if `path` gets damaged."""
-    assert path.exists(), path
-    others = [other for other in checkpoints_in(path.parent) if other != path]
-    before = [other for other in others if step_of(other) < step_of(path)]
-    for other in others:
-        if other not in before[-1:]:
-            with suppress(OSError):  # another program reads it, or has removed it
-                other.unlink()
+    saved = checkpoints_in(path.parent)
+    at = saved.index(path)
+    for other in saved[: max(0, at - 1)] + saved[at + 1 :]:
+        with suppress(OSError):  # another program reads it, or has removed it
+            other.unlink()
 
 
 def refuse_to_replace(checkpoints: Path, goes_on_from: Path | None) -> None:
@@ -102,9 +95,6 @@ def run_folder(folder: Path) -> Iterator[None]:
         raise SystemExit(130) from None
 
 
-# --- read ----------------------------------------------------------------------------------------
-
-
 def load_checkpoint(path: Path) -> dict[str, Any]:
     """Read one checkpoint onto the CPU, every byte checked against the file's checksums. Raises
     CheckpointError where it is missing, damaged or not a checkpoint."""
@@ -112,9 +102,8 @@ def load_checkpoint(path: Path) -> dict[str, Any]:
         raise CheckpointError(f"There is no checkpoint {path}.")
     try:
         with zipfile.ZipFile(path) as archive:
-            damaged = archive.testzip()
-        if damaged is not None:
-            raise zipfile.BadZipFile(f"bad checksum in {damaged}")
+            if damaged := archive.testzip():
+                raise zipfile.BadZipFile(f"bad checksum in {damaged}")
         state = torch.load(path, map_location="cpu", weights_only=True)
         for name in ("step", "pipeline", "optimizers"):
             _ = state[name]

@@ -19,16 +19,13 @@ from rich.text import Text
 
 from desplat_ns.core.errors import printable
 
-LISTED_NAMES = 10
-"""So many names are listed in an error; the rest is counted."""
 TOLD_FROM, TOLD_EVERY = 5.0, 60.0
 """Seconds after which the time that is left is told first, and from one line to the next."""
 
 
 def announce(line: str, warning: bool = False) -> None:
-    """Print one line on nerfstudio's console; paths stay whole, brackets in them are kept, control
-    characters are shown. One that cannot be written to, such as a log on a full disk, is no reason
-    to stop."""
+    """Print one line on nerfstudio's console; paths stay whole, brackets are kept, and control
+    characters shown. Where that fails, as in a log on a full disk, the work goes on."""
     style = "yellow" if warning else None
     with suppress(OSError):
         CONSOLE.print(escape(printable(line)), style=style, soft_wrap=True, highlight=False)
@@ -40,7 +37,7 @@ def announce_once(line: str, warning: bool = False) -> None:
     announce(line, warning)
 
 
-def list_names(names: Iterable[str], at_most: int = LISTED_NAMES) -> str:
+def list_names(names: Iterable[str], at_most: int = 10) -> str:
     """`a, b, c and 12 more`: the first names and how many are left."""
     all_names = list(names)
     listed = ", ".join(all_names[:at_most])
@@ -49,8 +46,7 @@ def list_names(names: Iterable[str], at_most: int = LISTED_NAMES) -> str:
 
 
 def text_of(name: str) -> str:
-    """A file's name as it can be written: bytes that are no text, as names from old archives have
-    them, become `\\xfc`."""
+    """A file's name as it can be written: bytes that are no text, as from old archives: `\\xfc`."""
     return os.fsencode(name).decode(errors="backslashreplace")
 
 
@@ -176,8 +172,7 @@ def says_what_is_next() -> bool:
 
 @contextmanager
 def progress_over(total: int, label: str, alike: bool = True) -> Iterator[Any]:
-    """Tells of so many things; calling what is yielded advances it by one, up to the total. `alike`
-    as of `progress_with_time_left`."""
+    """As `progress_with_time_left`; calling what is yielded advances by one, up to the total."""
     with progress_with_time_left(label, alike) as show:
         show(0, total)
         done = count(1)
@@ -187,8 +182,7 @@ def progress_over(total: int, label: str, alike: bool = True) -> Iterator[Any]:
 @contextmanager
 def progress_with_time_left(label: str, alike: bool = True) -> Iterator[Callable[[int, int], None]]:
     """Tells how far work is and when it ends; what is yielded takes what is done and the total.
-    Where not all parts are `alike`, so that the first say nothing of the others, no time is told.
-    """
+    Where its parts are not `alike`, and the first say nothing of the others, no time is told."""
     with telling() as (shown, is_whole):
         seen = list[tuple[float, int]]()
 

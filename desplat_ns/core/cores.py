@@ -9,8 +9,7 @@ import psutil
 
 
 def cores() -> int:
-    """As the process's affinity says (`taskset`, a cluster's scheduler), where the system has one;
-    else all."""
+    """Those of the process's affinity (`taskset`, a scheduler), where it has one; else all."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1

@@ -38,17 +38,14 @@ OUTPUTS, DEPTH = Path("outputs"), 4
 
 
 def newest_run(path: Path) -> Path:
-    """config.yml of a run that a path stands for: the path itself; of a folder the run in it, or
-    below it, that was saved last; of a capture that of its name in `OUTPUTS`. The path where there
-    is none."""
+    """config.yml of the run that a path stands for: of a folder the run in or below it that was
+    saved last, of a capture that of its name in `OUTPUTS`; else the path itself."""
 
     def saved(config: Path) -> float:
         checkpoints = config.parent.glob("[!.]*/step-*.ckpt")
         return max((path.stat().st_mtime for path in checkpoints), default=0.0)
 
     for place in (path, OUTPUTS / path.resolve().name):
-        if not place.is_dir():
-            continue
         configs = [at for depth in range(DEPTH) for at in place.glob("*/" * depth + "config.yml")]
         if any(map(saved, configs)):
             return max(configs, key=saved)
@@ -57,16 +54,9 @@ def newest_run(path: Path) -> Path:
 
 def find_run(config: Path, data: Path | None = None) -> RunFiles:
     """The files of the run that a config.yml belongs to; checkpoints lie in a folder beside it,
-    wherever the run's folder was moved.
-
-    Args:
-        data: as `RunFiles.data`.
-
-    Raises:
-        CaptureError: there is no such capture.
-        ConfigError: there is no such file, or it is not of a run of this package.
-        CheckpointError: the run saved no checkpoint.
-    """
+    wherever the run's folder was moved. Raises CaptureError where there is no such capture,
+    ConfigError where the file is not that of a run of this package, and CheckpointError where the
+    run saved none. `data`: as of `RunFiles`."""
     if data is not None and not data.exists():
         raise CaptureError(f"There is no '{data}'. Name the folder of the run's capture by --data.")
     try:

@@ -29,41 +29,15 @@ MOST_RATE_FACTOR = 4.0
 """Largest factor on learning rates: a factor of 6 gave no better scenes."""
 
 
-# --- length --------------------------------------------------------------------------------------
-
-
 def steps_for_visits(visits: float, num_views: int, at_most: int) -> int:
     """Steps in which each view is drawn `visits` times, fewer than `COUNTED_VIEWS` views more
     often; `at_most` steps."""
     return max(1, min(at_most, math.ceil(visits * max(num_views, COUNTED_VIEWS))))
 
 
-def steps_between_refinements(
-    num_views: int, densification: int, refinements: int, at_most: int
-) -> int:
-    """Steps of the run from one refinement of the static set to the next, half a round of the views
-    at least: gradients averaged over fewer views are mostly noise.
-
-    Args:
-        densification: steps of the run until which the set is refined.
-        refinements: wanted number of refinements in that time.
-        at_most: upper bound on the result; 0 for none.
-    """
-    every = max(num_views // 2, math.ceil(densification / refinements))
-    return min(every, at_most) if at_most > 0 else every
-
-
-def pause_after_reset(num_views: int, reset_every: int, scale: float) -> int:
-    """Nominal steps after a reset of the opacities in which the scene recovers: a round of the
-    views and 100 steps of the run, as in Splatfacto, but at most half of the `reset_every` between
-    two."""
-    return min(round((num_views + SPLATFACTOS_INTERVAL) / scale), reset_every // 2)
-
-
 def rate_factor(num_views: int, steps: int, full_visits: float) -> float:
-    """Factor, 1 to `MOST_RATE_FACTOR`, on the learning rates of a run of `steps` steps that sees
-    photos seldom. `full_visits`: of each photo, for which the rates are meant; 0 for a factor of 1.
-    """
+    """Factor, 1 to `MOST_RATE_FACTOR`, on the learning rates of a run that sees photos seldom.
+    `full_visits`: of each photo, for which the rates are meant; 0 for a factor of 1."""
     return min(MOST_RATE_FACTOR, max(1.0, full_visits * num_views / steps))
 
 
@@ -75,13 +49,9 @@ def early_rate_factor(step: int, warmup: int, wanted: int) -> float:
 
 
 def settling_factor(step: int, steps: int, share: float) -> float:
-    """Factor, 1 to 0, on the static set's learning rates at one of a run's nominal steps: it falls
-    linearly in the last `share` of them, so that the scene ends in the middle of what single photos
-    drew it to."""
+    """Factor, 1 to 0, on the static set's learning rates at a nominal step: it falls linearly in
+    the last `share` of them: the scene ends in the middle of what single photos drew it to."""
     return min(1.0, max(0.0, 1.0 - step / steps) / share) if share > 0 else 1.0
-
-
-# --- position ------------------------------------------------------------------------------------
 
 
 class Schedule:
@@ -109,9 +79,6 @@ class Schedule:
             return False
         self.aim(step, reached, total, max(total, total / self.scale))
         return True
-
-
-# --- time ----------------------------------------------------------------------------------------
 
 
 def seconds_of(text: str, option: str = "--budget") -> float:

@@ -20,9 +20,8 @@ IN_USE = ".in-use"
 
 
 def check_new_file(path: Path, overwrite: bool, option: str = "--output", ending: str = "") -> None:
-    """Before minutes are spent on its content: raises ConfigError, which names the `option`, where
-    a file has another `ending`, is there already, is a folder, or lies where nothing can be
-    written."""
+    """Before minutes are spent on a file: raises ConfigError, which names the `option`, where it
+    has another `ending`, is there already, is a folder, or lies where nothing can be written."""
     if not path.name.lower().endswith(ending):
         raise ConfigError(f"{option} is '{path}'; give it the ending {ending}.")
     if path.is_dir():
@@ -106,12 +105,8 @@ def write_record(path: Path, record: Mapping[str, Any]) -> None:
 @contextmanager
 def draft_of(path: Path, staging: Path | None = None) -> Iterator[Path]:
     """A place for a file's content; what is there is at `path` when all went well, else gone.
-    Raises OSError where it cannot be put there.
-
-    Args:
-        staging: the folder to write in, on the same disk, which no other process uses; what a kill
-            left there goes first. Without it, a new one beside the file.
-    """
+    Raises OSError where it cannot be put there. `staging`: the folder to write in, on that disk and
+    used by no other process; what a kill left there goes first. Else a new one beside the file."""
     path.parent.mkdir(parents=True, exist_ok=True)
     if staging is not None:
         shutil.rmtree(staging, ignore_errors=True)
@@ -128,8 +123,7 @@ def draft_of(path: Path, staging: Path | None = None) -> Iterator[Path]:
 
 @contextmanager
 def whole_folder(path: Path) -> Iterator[Path]:
-    """As `draft_of` for a folder: files in it, and in folders inside, are put beside those that are
-    at `path` already."""
+    """As `draft_of` for a folder: all files in it are put beside those that are at `path`."""
     path.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(prefix=f".{path.name}-", dir=path.parent) as folder:
         yield Path(folder)

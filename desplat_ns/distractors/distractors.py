@@ -18,9 +18,9 @@ from desplat_ns.core.effects import BackgroundGrade
 from desplat_ns.core.options import check_ranges
 from desplat_ns.distractors.config import DistractorConfig
 from desplat_ns.distractors.placement import FEW_VIEWS, LEAST_VIEWS, about_few_views, placement
-from desplat_ns.distractors.refinement import DistractorDensifier, strategy_info
+from desplat_ns.distractors.refinement import DistractorDensifier
 from desplat_ns.distractors.sets import ViewDistractors, fill_view
-from desplat_ns.gaussians.activation import RawParameters, keep_colors_in_range, sigmoid
+from desplat_ns.gaussians.activation import RawParameters, sigmoid
 from desplat_ns.separation.decide import StaticView, Thresholds, compare, decide, own_sky
 from desplat_ns.separation.grid import grid_of, pooled, region_pixels
 from desplat_ns.separation.residuals import RESIDUAL_MEDIANS, medians_in
@@ -61,14 +61,9 @@ class Distractors(nn.Module):
         scale: float = 1.0,
     ):
         """Start every view's distractors; say so where there are too few views to judge by. Raises
-        ConfigError where a setting lies outside its range.
-
-        Args:
-            config: of this run.
-            static: of the static scene; both sets share thresholds.
-            points: of the reconstruction, if the scene starts from them.
-            scale: steps of the run for each nominal one.
-        """
+        ConfigError where a setting lies outside its range. `static`: of the static scene, both sets
+        share thresholds; `points`: of the reconstruction, if the scene starts from them; `scale`:
+        steps of the run for each nominal one."""
         super().__init__()
         check_ranges(config, "--pipeline.model.distractors")
         self.config = config
@@ -91,12 +86,7 @@ class Distractors(nn.Module):
 
     def look(self, step: Step, opacities: Float[Tensor, "N 1"], state: Mapping[str, Any]) -> None:
         """Apply the user's mask to the photo of a step, and find its regions, if that is due.
-
-        Args:
-            step: with photo, static scene, background and mask; gets regions.
-            opacities: of the static Gaussians, logits.
-            state: of their strategy; it is read only.
-        """
+        `opacities`: of the static Gaussians, logits; `state`: of their strategy, read only."""
         counted, photo = None, step.photo
         if step.mask is not None:
             step.photo, counted = apply_mask(photo, step.static_rgb, step.mask)
@@ -169,9 +159,9 @@ class Distractors(nn.Module):
         index, view = step.index, step.view
         distractors = self.views[index]
         if step.distractors is not None:
-            keep_colors_in_range(distractors.params)
-            info = strategy_info(step.distractors, view)
-            self.densifier.after_step(distractors, step.nominal, info, weights_of)
+            # A clamp where they are drawn has no gradient: black and white would stay for ever.
+            distractors.params["rgbs"].clamp_(0, 1)
+            self.densifier.after_step(distractors, step.nominal, step.distractors, weights_of)
         if step.regions is not None and step.residual_medians is not None:
             self.regions[index] = step.regions
             if step.nominal < STOP_PLACING_AT:

@@ -24,8 +24,7 @@ LEAST_VIEWS = 2
 """Of two views nobody can tell which is right; a median of three holds against one."""
 
 FEW_VIEWS = 2 * LEAST_VIEWS + 1
-"""With fewer training photos a warning is said: of three, two that are occluded alike outvote the
-third."""
+"""With fewer training photos a warning is said: of three, two occluded alike outvote the third."""
 
 
 def about_few_views(num_views: int) -> str:
@@ -47,19 +46,16 @@ def distractor_weight(
 ) -> Float[Tensor, "H W 1"]:
     """How far a pixel is the distractors', in [0, 1]: the largest of their opacities around it, as
     far as a cell of `grid_of`, since edges are half-transparent; 1 where `in_region` is."""
-    height, width = alpha_d.shape[:2]
-    margin = round(width / grid_of(width, height)[0])
-    weight = window_maxima(alpha_d[..., 0], 2 * margin + 1)[..., None]
-    return weight if in_region is None else torch.maximum(weight, in_region)
-
-
-def window_maxima(plane: Float[Tensor, "H W"], size: int) -> Float[Tensor, "H W"]:
-    """Maxima over windows of `size` x `size` pixels (an odd number). Without gradients."""
-    plane = plane.detach()
-    if not plane.is_cpu:
+    plane = alpha_d[..., 0].detach()
+    height, width = plane.shape
+    size = 2 * round(width / grid_of(width, height)[0]) + 1
+    if plane.is_cpu:
+        maxima = torch.from_numpy(cv2.dilate(plane.numpy(), np.ones((size, size), np.uint8)))
+    else:
         rows = F.max_pool1d(plane, size, 1, size // 2)  # row by row: a tenth of max_pool2d's time
-        return F.max_pool1d(rows.T.contiguous(), size, 1, size // 2).T
-    return torch.from_numpy(cv2.dilate(plane.numpy(), np.ones((size, size), np.uint8)))
+        maxima = F.max_pool1d(rows.T.contiguous(), size, 1, size // 2).T
+    weight = maxima[..., None]
+    return weight if in_region is None else torch.maximum(weight, in_region)
 
 
 def placement(
@@ -70,31 +66,20 @@ def placement(
     means: Float[Tensor, "N 3"],
     config: DistractorConfig,
 ) -> tuple[Tensor, dict[str, Tensor]] | None:
-    """Which of a view's distractors stay, as numbers of rows, and new ones, one in each cell of
-    `regions` that is not half covered; None for no change. `regions`: where distractors belong, on
-    the grid of `grid_of`."""
+    """Which of a view's distractors stay, as numbers of rows, and new ones in the photo's colours,
+    one in each cell of `regions` that is not half covered; None for no change. `regions`: where
+    distractors belong, on the grid of `grid_of`."""
     rows, columns = regions.shape
     uncovered = regions & (pooled(alpha_d, (columns, rows))[0] < 0.5)
     stays, uncovered = masks_to_host(lie_in(regions, means, view), uncovered)
     if stays.all() and not uncovered.any():
         return None
     kept = to_device(np.flatnonzero(stays), photo.device)
-    return kept, distractors_in(uncovered, view, photo, config)
-
-
-def distractors_in(
-    cells: Bool[np.ndarray, "rows columns"],
-    view: View,
-    photo: Float[Tensor, "H W 3"],
-    config: DistractorConfig,
-) -> dict[str, Tensor]:
-    """New distractors in the photo's colours, one for each cell that is set, on the host."""
-    rows, columns = cells.shape
-    row, column = to_device(np.stack(cells.nonzero()), photo.device)
+    row, column = to_device(np.stack(uncovered.nonzero()), photo.device)
     x = (column + 0.5) * view.width / columns
     y = (row + 0.5) * view.height / rows
-    colors = pooled(photo, (columns, rows))[:, row, column].T.contiguous()
-    return distractors_at(view, cells.size, config, torch.stack([x, y], dim=-1), colors)
+    pixels, colors = torch.stack([x, y], dim=-1), pooled(photo, (columns, rows))[:, row, column]
+    return kept, distractors_at(view, uncovered.size, config, pixels, colors.T.contiguous())
 
 
 def lie_in(

@@ -1,8 +1,5 @@
-"""Adaptive density control of the distractors: gsplat's DefaultStrategy, for each view's set.
-
-It differs from that of the static scene (`strategy.py`): there is a set for each view, and opacity
-is never reset (App. A).
-"""
+"""Adaptive density control of the distractors: gsplat's DefaultStrategy for each view's set, whose
+opacity is never reset (App. A)."""
 
 from collections.abc import Callable
 from typing import Any
@@ -12,7 +9,7 @@ from jaxtyping import Float
 from nerfstudio.models.splatfacto import SplatfactoModelConfig
 from torch import Tensor
 
-from desplat_ns.backend.protocol import Rendering, View
+from desplat_ns.backend.protocol import Rendering
 from desplat_ns.core.schedule import SPLATFACTOS_INTERVAL, NominalStep
 from desplat_ns.distractors.config import CULL_ALPHA, DEPTH, STOP_DENSIFY_AT, DistractorConfig
 from desplat_ns.distractors.sets import ViewDistractors
@@ -27,18 +24,6 @@ Splatfacto's threshold is of the mean over the image."""
 MIN_PIXELS = 1.0
 """By pixels, distractors that make up less of the image are pruned (`accumulated_weights`): where
 opacity costs nothing, none gets faint."""
-
-
-def strategy_info(rendering: Rendering, view: View) -> dict[str, Any]:
-    """A rendering as gsplat's DefaultStrategy reads it."""
-    return {
-        "means2d": rendering.means2d,
-        "radii": rendering.radii[None],
-        "width": view.width,
-        "height": view.height,
-        "n_cameras": 1,
-        "gaussian_ids": None,
-    }
 
 
 class DistractorDensifier:
@@ -74,26 +59,17 @@ class DistractorDensifier:
         self,
         view: ViewDistractors,
         step: NominalStep,
-        info: dict[str, Any],
+        drawn: Rendering,
         weights_of: Callable[[RawParameters], Float[Tensor, " N"]],
     ) -> None:
-        """Sample a step that drew `view`; refine its distractors if that is due, from
-        `STOP_DENSIFY_AT` on by pruning alone. By pixels the gradients are of the loss summed over
-        all pixels, by a shift of one pixel: gsplat multiplies by half the width and height, and the
-        loss is a mean over width times height.
-
-        Args:
-            info: of the rendering of this view's distractors in this step.
-            weights_of: gives what each makes up of the image, in pixels.
+        """Sample a step in which `view` was `drawn`; refine it if that is due, by pruning alone
+        from `STOP_DENSIFY_AT` on. `weights_of`: gives what each makes up of the image, in pixels.
         """
         if step <= self.start:
             return
         densifying = step < STOP_DENSIFY_AT
         if densifying:
-            if self.by_pixels:
-                twice_the_pixels = 2 * info["width"] * info["height"]
-                info = info | {"width": twice_the_pixels, "height": twice_the_pixels}
-            sample(self.strategy, view.params, view.state, info)
+            sample(self.strategy, view.state, drawn, self.by_pixels)
         fallen_due = step // self.every
         if fallen_due <= max(view.refinement, self.start // self.every):
             return

@@ -9,16 +9,11 @@ import torch
 from gsplat.strategy.ops import _update_param_with_optimizer as replace_rows
 from jaxtyping import Float, Int
 from torch import Tensor, nn
-from torch.optim import Optimizer
 
 from desplat_ns.backend.protocol import View
 from desplat_ns.core.devices import state_to_device
 from desplat_ns.core.optimizers import adam
 from desplat_ns.distractors.config import DEPTH, DistractorConfig
-
-PARAMETER_NAMES = ("means", "scales", "quats", "rgbs", "opacities")
-"""Raw values, under the names that gsplat's strategy reads: scales are logarithms, opacities
-logits."""
 
 PLASTIC_NUMBER = 1.32471795724474602596
 """Real root of x^3 = x + 1: its powers give an even additive recurrence in the plane (R2)."""
@@ -29,11 +24,11 @@ class ViewDistractors:
     goes by, in the shapes that gsplat's operations expect."""
 
     def __init__(self, start: Mapping[str, Tensor]):
-        """`start`: raw parameters by `PARAMETER_NAMES`, N rows each; N changes in training."""
+        """`start`: raw parameters, N rows each, under the names that gsplat's strategy reads; N
+        changes in training."""
         self.params = {name: nn.Parameter(value) for name, value in start.items()}
-        self.optimizer: Optimizer | None = None
-        """A group for each name; None until the view is trained, so that it is where its parameters
-        are."""
+        self.optimizer = adam([{"params": [each]} for each in self.params.values()])
+        """A group for each name."""
         self.state: dict[str, Any] = {"grad2d": None, "count": None, "radii": None}
         """What gsplat's strategy gathers."""
         self.refinement = 0
@@ -44,21 +39,12 @@ class ViewDistractors:
 
     def begin_step(self, rates: Mapping[str, float]) -> None:
         """Make its optimizer ready for a step with these learning rates; drop gradients."""
-        self.optimizer = self.optimizer or self._new_optimizer()
-        for (name, parameter), group in zip(
-            self.params.items(), self.optimizer.param_groups, strict=True
-        ):
-            parameter.grad, group["lr"] = None, rates[name]
-
-    def _new_optimizer(self) -> Optimizer:
-        return adam([{"params": [parameter]} for parameter in self.params.values()])
+        for name, group in zip(self.params, self.optimizer.param_groups, strict=True):
+            self.params[name].grad, group["lr"] = None, rates[name]
 
     @property
     def optimizers(self) -> dict[str, Any]:
-        """Its part for each name, as gsplat's operations expect an optimizer; none before it is
-        trained."""
-        if self.optimizer is None:
-            return {}
+        """The optimizer's part for each name, as gsplat's operations expect it."""
         parts = zip(self.params, self.optimizer.param_groups, strict=True)
         state = self.optimizer.state
         return {name: SimpleNamespace(param_groups=[part], state=state) for name, part in parts}
@@ -74,7 +60,6 @@ class ViewDistractors:
         def with_zeros(_: str, old: Tensor) -> Tensor:
             return torch.cat([old[kept], old.new_zeros(len(new["means"]), *old.shape[1:])])
 
-        self.optimizer = self.optimizer or self._new_optimizer()
         replace_rows(with_new, with_zeros, self.params, self.optimizers)
         for key, value in self.state.items():
             if isinstance(value, Tensor):
@@ -82,14 +67,10 @@ class ViewDistractors:
 
     def saved(self) -> dict[str, Any]:
         """What a checkpoint holds."""
-        moments = {
-            name: dict(moments)
-            for name, optimizer in self.optimizers.items()
-            if (moments := optimizer.state.get(self.params[name]))
-        }
+        state = self.optimizer.state
         return {
             "params": {name: value.detach() for name, value in self.params.items()},
-            "moments": moments,
+            "moments": {n: dict(state[p]) for n, p in self.params.items() if state.get(p)},
             "state": dict(self.state),
             "refinement": self.refinement,
         }
@@ -99,10 +80,10 @@ class ViewDistractors:
         for name, parameter in self.params.items():
             parameter.data = saved["params"][name].to(device, copy=True)
             parameter.grad = None
-        self.optimizer = self._new_optimizer() if saved["moments"] else None
+        self.optimizer.state.clear()
         for name, moments in saved["moments"].items():  # copied: Adam writes into them
             copies = {key: value.to(device, copy=True) for key, value in moments.items()}
-            self.optimizers[name].state[self.params[name]] = copies
+            self.optimizer.state[self.params[name]] = copies
         self.state, self.refinement = state_to_device(saved["state"], device), saved["refinement"]
 
 
@@ -129,8 +110,7 @@ def distractors_at(
     rgbs: Float[Tensor, "n 3"],
 ) -> dict[str, Tensor]:
     """Raw parameters of distractors at `DEPTH` in front of a camera, of colours in [0, 1], seen at
-    `pixels` (x, y). Each is half as wide as the spacing of as many `places` that cover the image.
-    """
+    `pixels` (x, y), each half as wide as the spacing of so many `places` that cover the image."""
     n = len(pixels)
     fx, fy, cx, cy = view.K[0, 0], view.K[1, 1], view.K[0, 2], view.K[1, 2]
     x, y = (pixels[:, 0] - cx) / fx, (pixels[:, 1] - cy) / fy

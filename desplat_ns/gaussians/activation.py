@@ -75,22 +75,3 @@ class _Sigmoid(torch.autograd.Function):
     def backward(ctx, grad):  # type: ignore[override]
         (y,) = ctx.saved_tensors
         return grad * y * (1 - y)
-
-
-@torch.no_grad()
-def keep_colors_in_range(params: RawParameters) -> None:
-    """Put distractors' colours that a step moved beyond [0, 1] back on the border, where they keep
-    their gradient: by that of a clamp what is black or white would stay so for ever."""
-    params["rgbs"].clamp_(0, 1)
-
-
-@torch.no_grad()
-def resize_rows(params: nn.ParameterDict, saved: Mapping[str, Tensor], prefix: str) -> None:
-    """Give parameters as many rows as a checkpoint has, in place: optimizers hold these very
-    objects, and Gaussians in new ones (as Splatfacto 1.1.5 makes on loading) would never move
-    again."""
-    for name, parameter in params.items():
-        value = saved.get(prefix + name)
-        if value is not None and value.shape[1:] == parameter.shape[1:]:
-            parameter.data = parameter.data.new_empty(value.shape)
-            parameter.grad = None

@@ -16,10 +16,9 @@ from gsplat.strategy.ops import _update_param_with_optimizer as replace_rows
 from gsplat.strategy.ops import duplicate, normalized_quat_to_rotmat, reset_opa, split
 from jaxtyping import Bool
 from torch import Tensor, nn
-from torch.optim import Optimizer
 
+from desplat_ns.backend.protocol import Rendering
 from desplat_ns.core.schedule import NominalStep
-from desplat_ns.gaussians.activation import RawParameters
 
 UNLIMITED = 2**62
 """A step that no training reaches, and a number of Gaussians that no set has."""
@@ -36,40 +35,33 @@ def crossed(state: Mapping[str, Any], step: int, every: int) -> bool:
 
 @torch.no_grad()
 def sample(
-    strategy: DefaultStrategy,
-    params: RawParameters,
-    state: dict[str, Any],
-    info: dict[str, Any],
+    strategy: DefaultStrategy, state: dict[str, Any], drawn: Rendering, by_pixels: bool = False
 ) -> None:
     """Add the gradients of a visit to the statistics in `state`, by which `refine` judges: gsplat's
     `_update_state` for a single camera, which does not let the host wait for numbers of rows.
-    `info`: of the rendering, as gsplat's strategies read it."""
-    means2d, radii = info[strategy.key_for_gradient], info["radii"][0]
+    `by_pixels`: of the summed loss by a shift of one pixel; else of its mean by half the image."""
+    means2d: Any = drawn.means2d
+    height, width = drawn.alpha.shape[:2]
     gradients = (means2d.absgrad if strategy.absgrad else means2d.grad)[0].clone()
-    gradients[:, 0] *= info["width"] / 2.0 * info["n_cameras"]
-    gradients[:, 1] *= info["height"] / 2.0 * info["n_cameras"]
-    is_visible = radii > 0
-    names = ["grad2d", "count"] + (["radii"] if strategy.refine_scale2d_stop_iter > 0 else [])
-    for name in names:
+    gradients[:, 0] *= width * height if by_pixels else width / 2
+    gradients[:, 1] *= width * height if by_pixels else height / 2
+    by_width = strategy.refine_scale2d_stop_iter > 0
+    for name in ("grad2d", "count", *["radii"] * by_width):
         if state[name] is None:
-            state[name] = torch.zeros(len(params["means"]), device=gradients.device)
-    state["grad2d"] += torch.where(is_visible, gradients.norm(dim=-1), 0.0)
-    state["count"] += is_visible
-    if "radii" in names:
-        widths = radii / float(max(info["width"], info["height"]))
-        state["radii"] = torch.maximum(state["radii"], torch.where(is_visible, widths, 0.0))
+            state[name] = gradients.new_zeros(len(gradients))
+    state["grad2d"] += torch.where(drawn.visible, gradients.norm(dim=-1), 0.0)
+    state["count"] += drawn.visible
+    if by_width:
+        widths = drawn.radii / float(max(width, height))
+        state["radii"] = torch.maximum(state["radii"], torch.where(drawn.visible, widths, 0.0))
 
 
 def refine(
-    strategy: DefaultStrategy,
-    params: RawParameters,
-    optimizers: Mapping[str, Any],
-    state: dict[str, Any],
-    step: int,
+    strategy: DefaultStrategy, params: Any, optimizers: Any, state: dict[str, Any], step: int
 ) -> None:
     """Clone, split and prune by the statistics in `state`, which are then set to zero."""
-    strategy._grow_gs(params, optimizers, state, step)  # pyright: ignore[reportArgumentType]
-    strategy._prune_gs(params, optimizers, state, step)  # pyright: ignore[reportArgumentType]
+    strategy._grow_gs(params, optimizers, state, step)
+    strategy._prune_gs(params, optimizers, state, step)
     for name in ("grad2d", "count", "radii"):
         if state.get(name) is not None:
             state[name].zero_()
@@ -77,10 +69,7 @@ def refine(
 
 @torch.no_grad()
 def long_axis_split(
-    params: RawParameters,
-    optimizers: Mapping[str, Any],
-    state: dict[str, Any],
-    mask: Bool[Tensor, " N"],
+    params: Any, optimizers: Any, state: dict[str, Any], mask: Bool[Tensor, " N"]
 ) -> None:
     """Replace each Gaussian of `mask` by two of half its length, one behind the other along its
     longest axis, at sqrt(3) / 2 of its standard deviation from its centre: together they have its
@@ -104,7 +93,7 @@ def long_axis_split(
         zeros = moment.new_zeros(2 * len(chosen), *moment.shape[1:])
         return torch.cat([moment[rest], zeros])
 
-    replace_rows(with_halves, with_zeros, params, optimizers)  # pyright: ignore[reportArgumentType]
+    replace_rows(with_halves, with_zeros, params, optimizers)
     for name, value in state.items():
         if isinstance(value, Tensor):
             state[name] = torch.cat([value[rest], value[chosen], value[chosen]])
@@ -129,44 +118,37 @@ class StaticStrategy(DefaultStrategy):
 
     SAMPLED = "steps_sampled"
 
-    def step_post_backward(
+    def after_step(
         self,
-        params: nn.ParameterDict,  # pyright: ignore[reportIncompatibleMethodOverride]
-        optimizers: dict[str, Optimizer],
+        params: Any,
+        optimizers: Any,
         state: dict[str, Any],
-        step: NominalStep,  # pyright: ignore[reportIncompatibleMethodOverride]
-        info: dict[str, Any],
-        packed: bool = False,
+        step: NominalStep,
+        drawn: Rendering,
     ) -> None:
-        """After an optimizer step: add it to the sample, refine if that is complete, reset if due;
-        rows of `optimizers` and `state` follow."""
+        """In place of gsplat's `step_post_backward`, after an optimizer step: add it to the sample,
+        refine if that is complete, reset if due; rows of `optimizers` and `state` follow."""
         if step >= self.refine_stop_iter:
             state[self.SAMPLED] = state.get(self.SAMPLED, 0) + 1
             if self.cull_to_the_end and state[self.SAMPLED] >= self.refine_every:
                 self._prune_gs(params, optimizers, state, step)
                 state[self.SAMPLED] = 0
             return
-        recovering = step >= self.reset_every and (
-            step % self.reset_every < self.pause_refine_after_reset
-        )
-        if not recovering:
-            sample(self, params, state, info)
+        is_reset, since = step >= self.reset_every, step % self.reset_every
+        if not (is_reset and since < self.pause_refine_after_reset):
+            sample(self, state, drawn)
             state[self.SAMPLED] = state.get(self.SAMPLED, 0) + 1
         if step > self.refine_start_iter and state.get(self.SAMPLED, 0) >= self.refine_every:
             refine(self, params, optimizers, state, step)
             state[self.SAMPLED] = 0
         if crossed(state, step, self.reset_every):
-            reset_opa(params, optimizers, state, value=self.prune_opa * 2.0)  # pyright: ignore[reportArgumentType]
+            reset_opa(params, optimizers, state, value=self.prune_opa * 2.0)
         state[LAST] = step
 
     @torch.no_grad()
-    def _grow_gs(
-        self,
-        params: nn.ParameterDict,  # pyright: ignore[reportIncompatibleMethodOverride]
-        optimizers: dict[str, Optimizer],
-        state: dict[str, Any],
-        step: int,
-    ) -> None:  # pyright: ignore[reportIncompatibleMethodOverride]
+    def _grow_gs(  # pyright: ignore[reportIncompatibleMethodOverride]
+        self, params: Any, optimizers: Any, state: dict[str, Any], step: int
+    ) -> None:
         """gsplat's, but where more would grow than there is room for, the smaller gradients have to
         wait. A clone or a split adds one; gsplat does both to a small one with a high gradient that
         is wide on the screen. `long_axis_split` clones none."""
@@ -184,8 +166,8 @@ class StaticStrategy(DefaultStrategy):
         has_room[order] = added[order].cumsum(dim=0) <= max(0, self.most - len(added))
         cloned, divided = cloned & has_room, divided & has_room
         if cloned.any():
-            duplicate(params, optimizers, state, cloned)  # pyright: ignore[reportArgumentType]
+            duplicate(params, optimizers, state, cloned)
         if divided.any():
             divided = F.pad(divided, (0, len(params["means"]) - len(divided)))
             halve = long_axis_split if self.long_axis_split else split
-            halve(params, optimizers, state, divided)  # pyright: ignore[reportArgumentType]
+            halve(params, optimizers, state, divided)

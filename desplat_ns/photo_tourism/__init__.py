@@ -1,1 +1,1 @@
-"""Photos of changing light: appearance and background models, embeddings, their data parser."""
+"""Photos of changing light: appearance and background models, embeddings."""

@@ -7,6 +7,7 @@ is at the start. Letters in shapes: N Gaussians, K bases, E and Z numbers per em
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import Any
 
 import torch
 from jaxtyping import Float, Int
@@ -26,11 +27,11 @@ EMBEDDING_DIM = 32
 """Numbers that describe an image, e_j (B.3). The background reads them, too."""
 
 HIDDEN_LAYERS, HIDDEN_WIDTH = 2, 128
-"""Of the MLP, and units in each (B.3)."""
+"""Of the MLP, and units in each, as in the background's (B.3)."""
 
 ROWS_AT_ONCE = {"cpu": 2048, "cuda": 65536}
-"""Gaussians that pass through the network together: their layers stay in a core's cache, or take a
-small part of a GPU's memory."""
+"""Gaussians that pass through the network together: in a core's cache, or little of a GPU's memory.
+"""
 
 CENTRAL_QUANTILE = 0.97
 """Share of the points that set the scale of Fourier features: a few far ones do not count."""
@@ -84,17 +85,17 @@ def as_harmonics(splats: Splats) -> Splats:
     return replace(splats, colors=(splats.colors[:, None] - 0.5) / C0, sh_degree=0)
 
 
-def hidden_layers(inputs: int, layers: int, width: int) -> nn.Sequential:
-    """`layers` linear layers of `width` units, a ReLU after each, where they lie in the cache."""
+def hidden_layers(inputs: int, layers: int) -> nn.Sequential:
+    """So many linear layers of `HIDDEN_WIDTH` units, a ReLU in place after each."""
     modules: list[nn.Module] = []
-    for i in range(layers):
-        modules += [nn.Linear(inputs if i == 0 else width, width), nn.ReLU(inplace=True)]
+    for width in (inputs, *[HIDDEN_WIDTH] * (layers - 1)):
+        modules += [nn.Linear(width, HIDDEN_WIDTH), nn.ReLU(inplace=True)]
     return nn.Sequential(*modules)
 
 
-def zero_head(inputs: int, outputs: int) -> nn.Linear:
-    """A linear layer that gives 0 until it is trained."""
-    head = nn.Linear(inputs, outputs)
+def zero_head(outputs: int) -> nn.Linear:
+    """A linear layer after them that gives 0 until it is trained."""
+    head = nn.Linear(HIDDEN_WIDTH, outputs)
     nn.init.zeros_(head.weight)
     nn.init.zeros_(head.bias)
     return head
@@ -106,8 +107,8 @@ class _Appearance(nn.Module):
     def __init__(self, config: AppearanceConfig, per_gaussian: int, outputs: int):
         super().__init__()
         self.scale = config.mlp_scale
-        self.body = hidden_layers(EMBEDDING_DIM + per_gaussian, HIDDEN_LAYERS, HIDDEN_WIDTH)
-        self.head = zero_head(HIDDEN_WIDTH, outputs)
+        self.body = hidden_layers(EMBEDDING_DIM + per_gaussian, HIDDEN_LAYERS)
+        self.head = zero_head(outputs)
 
     def _predict(
         self,
@@ -119,8 +120,7 @@ class _Appearance(nn.Module):
 
         The embedding is the same in every row: its part of layer one is worked out once.
         """
-        first = self.body[0]
-        assert isinstance(first, nn.Linear)
+        first: Any = self.body[0]
         inputs = torch.cat(list(own), dim=1)
         if rows is not None:
             inputs = inputs.index_select(0, rows)
@@ -137,10 +137,8 @@ class _Appearance(nn.Module):
 
 
 class AffineAppearance(_Appearance):
-    """beta and gamma of each Gaussian in one image, applied to its evaluated colour.
-
-    Source: Eq. 6-7; sizes of B.3.
-    """
+    """beta and gamma of each Gaussian in one image, applied to its evaluated colour. Source: Eq.
+    6-7; sizes of B.3."""
 
     def __init__(self, config: AppearanceConfig):
         """Build the MLP; until it is trained, beta = 0 and gamma = 1."""

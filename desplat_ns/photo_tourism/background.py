@@ -13,8 +13,8 @@ from desplat_ns.photo_tourism.appearance import EMBEDDING_DIM, hidden_layers, ze
 BACKGROUND_DEGREE = 4
 """Of its spherical harmonics (B.3)."""
 
-HIDDEN_LAYERS, HIDDEN_WIDTH = 3, 128
-"""Of the MLP, and units in each (B.3)."""
+HIDDEN_LAYERS = 3
+"""Of the MLP (B.3)."""
 
 BACKGROUND_DEGREE_INTERVAL = 500
 """Nominal steps after which one degree more of its harmonics is learned; as in the authors' code.
@@ -77,9 +77,6 @@ class SharedBackground(nn.Module):
         """The same for every image."""
         return self.coefficients
 
-    def param_groups(self) -> dict[str, list[nn.Parameter]]:
-        return {"background_coefficients": [self.coefficients]}
-
 
 class Background(nn.Module):
     """The SH coefficients of an image's own background. Source: Eq. 8; sizes of B.3."""
@@ -88,19 +85,11 @@ class Background(nn.Module):
         """Build the MLP; until it is trained, the background is grey."""
         super().__init__()
         self.degree = BACKGROUND_DEGREE
-        self.encoder = hidden_layers(EMBEDDING_DIM, HIDDEN_LAYERS, HIDDEN_WIDTH)
-        self.sh_dc = zero_head(HIDDEN_WIDTH, 3)
-        self.sh_rest = zero_head(HIDDEN_WIDTH, 3 * ((self.degree + 1) ** 2 - 1))
+        self.encoder = hidden_layers(EMBEDDING_DIM, HIDDEN_LAYERS)
+        self.sh_dc = zero_head(3)
+        self.sh_rest = zero_head(3 * ((self.degree + 1) ** 2 - 1))
 
     def forward(self, embedding: Float[Tensor, " E"]) -> Float[Tensor, "K 3"]:
         """b = f_BG(e_j), of degree 0 and of the other degrees by a head each."""
         hidden = self.encoder(embedding)
         return torch.cat([self.sh_dc(hidden), self.sh_rest(hidden)]).view(-1, 3)
-
-    def param_groups(self) -> dict[str, list[nn.Parameter]]:
-        """An optimizer group for each learning rate of B.3."""
-        return {
-            "background_encoder": list(self.encoder.parameters()),
-            "background_sh_dc": list(self.sh_dc.parameters()),
-            "background_sh_rest": list(self.sh_rest.parameters()),
-        }

@@ -1,6 +1,5 @@
-"""Settings of a training run, and what is settled of them before it starts: the length of its
-schedules, its effects, its steps. config.yml then has them.
-"""
+"""Settings of a training run, and what is settled of them before it starts, for config.yml: the
+length of its schedules, its effects, its steps."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -120,13 +119,12 @@ class RunConfig(TrainerConfig):
         """With `effects.auto` take those of the checkpoint that the run goes on from, or those that
         the capture calls for. Returns the survey's findings, if there was one. Raises CaptureError
         where photos cannot be surveyed, or most do not go with the points in a new run."""
-        model: Any = self.pipeline.model
+        model = cast(DeSplatModelConfig, self.pipeline.model)
         findings = None
-        is_auto = isinstance(model, DeSplatModelConfig) and model.effects.auto
-        if saved is not None and is_auto:
+        if saved is not None and model.effects.auto:
             record = SceneRecord.from_state(saved[1]["pipeline"].get("_extra_state"))
             model.effects = model.effects.decided(Effects(**record.effects))
-        elif is_auto and model.effects.is_open:
+        elif model.effects.is_open:
             accept = self.accept_mismatch
             model.effects, findings = decided_effects(model.effects, capture(), accept)
         elif saved is None and not self.accept_mismatch:

@@ -15,6 +15,7 @@ from torch.optim import Optimizer
 
 from desplat_ns.core.console import announce
 from desplat_ns.core.errors import TrainingError
+from desplat_ns.data.training_views import view_name
 
 MOST_SKIPPED = 10
 """A run stops after this number of skipped steps one after the other: no photo is learned then."""
@@ -56,7 +57,7 @@ class GuardedOptimizers(Optimizers):
                 grad_scaler.step(optimizer)
             return
         self.skipped_in_a_row += 1
-        photo = model.view_name()
+        photo = view_name(model.names, model.train_step.index)
         self._last = f"At step {model.step}, in the photo {photo}, a loss or gradient is not finite"
         if photo not in self._photos:
             self._photos.add(photo)
@@ -86,13 +87,10 @@ class GuardedOptimizers(Optimizers):
 
 @torch.no_grad()
 def is_sound(losses: Iterable[Tensor], optimizers: Iterable[Optimizer]) -> bool:
-    """Whether the sum of squares of the terms of the loss and of all gradients is finite: none of
-    them is NaN, infinite, or so large (1.8e19 in float32) that Adam's second moment would stay
-    infinite."""
+    """Whether the sum of squares of the terms of the loss and of all gradients is finite: none is
+    NaN, infinite, or so large (1.8e19 in float32) that Adam's second moment would stay infinite."""
     parameters = (p for each in optimizers for group in each.param_groups for p in group["params"])
     gradients = [p.grad for p in parameters if p.grad is not None]
-    values = [*losses, *([get_total_norm(gradients, foreach=True)] if gradients else [])]
-    if not values:
-        return True
-    every = torch.stack(values)
+    norms = [get_total_norm(gradients, foreach=True)] if gradients else []
+    every = torch.stack([*losses, *norms])
     return math.isfinite(torch.dot(every, every).item())

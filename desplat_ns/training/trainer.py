@@ -81,10 +81,8 @@ class DeSplatTrainer(Trainer):
     optimizers: GuardedOptimizers
     pipeline: DeSplatPipeline
 
-    def __init__(
-        self, config: DeSplatTrainerConfig, local_rank: int = 0, world_size: int = 1
-    ) -> None:
-        super().__init__(config, local_rank, world_size)
+    def __init__(self, config: DeSplatTrainerConfig, **ranks: int) -> None:
+        super().__init__(config, **ranks)
         train_on_where_logs_cannot_be_written()
         self._steps_done = 0
         self._saved: SavedRun | None = None
@@ -105,9 +103,8 @@ class DeSplatTrainer(Trainer):
     # --- before the first step ---------------------------------------------------------------
 
     def setup(self, test_mode: Literal["test", "val", "inference"] = "val") -> None:
-        """nerfstudio's, once it is decided which effects the run has. Raises DeSplatError where
-        backend, photos, checkpoint, budget or folder do not allow the run; no folder is left then.
-        """
+        """nerfstudio's, once the run's effects are decided. Raises DeSplatError where backend,
+        photos, checkpoint, budget or folder do not allow the run; no folder is left then."""
         config = self.config
         with ExitStack() as stack:
             stack.enter_context(run_folder(self.base_dir))
@@ -151,15 +148,14 @@ class DeSplatTrainer(Trainer):
         raised = rate_factor(photos, config.max_num_iterations, config.full_rate_visits)
         warmup, wanted = self._model_config.warmup_of(photos)
 
-        def early(step: int) -> float:
-            return max(1.0, early_rate_factor(step, warmup, wanted) / raised)
-
-        def settling(step: int) -> float:
-            steps = max(config.nominal_num_iterations, config.max_num_iterations)
-            return settling_factor(step, steps, config.settling)
-
+        steps = max(config.nominal_num_iterations, config.max_num_iterations)
         optimizers = self._guarded_optimizers(raised)
-        follow(optimizers, schedule, early, settling)
+        follow(
+            optimizers,
+            schedule,
+            early=lambda step: max(1.0, early_rate_factor(step, warmup, wanted) / raised),
+            settling=lambda step: settling_factor(step, steps, config.settling),
+        )
         return optimizers
 
     def _guarded_optimizers(self, raised_by: float = 1.0) -> GuardedOptimizers:
@@ -354,9 +350,8 @@ class DeSplatTrainer(Trainer):
         return loss.detach(), {name: term.detach() for name, term in terms.items()}, metrics
 
     def eval_iteration(self, step: int) -> None:
-        """Evaluate the static scene, where it is due; random generators stay as they were, as a
-        resumed run builds a metric, which may draw, at another step. If it fails, what is trained
-        is saved before that ends the run."""
+        """Evaluate the static scene, where it is due; random generators stay as they were: a
+        resumed run may build a metric, which draws, at another step. If it fails, save first."""
         config = self.config
         intervals = (config.steps_per_eval_batch, config.steps_per_eval_image)
         if not any(step_check(step, n) for n in (*intervals, config.steps_per_eval_all_images)):
@@ -381,8 +376,6 @@ class DeSplatTrainer(Trainer):
             raise self.optimizers.error(checkpoint_path(self.checkpoint_dir, self.step))
         writer.write_out_storage()
         self.preview.end(self._steps_done)
-        for callback in self.callbacks:
-            callback.run_callback_at_location(self.step, TrainingCallbackLocation.AFTER_TRAIN)
         if not self.ran_to_its_end:
             announce(f"Stopped. {self._how_to_go_on()}")
             return
@@ -416,8 +409,7 @@ class DeSplatTrainer(Trainer):
     # --- checkpoints -------------------------------------------------------------------------
 
     def _save_if_late(self, step: int) -> None:
-        """Save after a step, the refinement that follows it included, if the last save is
-        `MOST_UNSAVED` seconds ago."""
+        """Save after a step and its refinement, `MOST_UNSAVED` seconds after the last save."""
         if time.monotonic() >= self._save_by:
             self.save_checkpoint(step)
 

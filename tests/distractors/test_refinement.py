@@ -12,7 +12,7 @@ from desplat_ns.backend.protocol import Rendering, View
 from desplat_ns.core.schedule import NominalStep
 from desplat_ns.distractors.config import DEPTH, DistractorConfig
 from desplat_ns.distractors.distractors import Distractors
-from desplat_ns.distractors.refinement import GROW_GRAD, DistractorDensifier, strategy_info
+from desplat_ns.distractors.refinement import GROW_GRAD, DistractorDensifier
 
 VIEW = View(torch.eye(4), torch.eye(3), width=200, height=100)
 STATIC = SplatfactoModelConfig(warmup_length=10, densify_grad_thresh=0.5)
@@ -59,7 +59,6 @@ class Scene:
         group.begin_step(dict.fromkeys(params, 1e-3))
         weighted = [(p * torch.arange(1.0, n + 1)[:, None]).sum() for p in params.values()]
         torch.stack(weighted).sum().backward()
-        assert group.optimizer is not None
         group.optimizer.step()
         width, height = self.view.width, self.view.height
         # Of the mean over the pixels by half of the width, or of the sum over them by one pixel.
@@ -69,9 +68,8 @@ class Scene:
         means2d.absgrad[0, :, 0] = torch.as_tensor(grad) * self.steep / unit
         image = torch.zeros(height, width, 3)
         rendering = Rendering(image, image[..., :1], None, means2d, self.radii[:n])
-        info = strategy_info(rendering, self.view)
         self.densifier.after_step(
-            group, NominalStep(step), info, lambda held: self.pixels[: len(held["means"])]
+            group, NominalStep(step), rendering, lambda held: self.pixels[: len(held["means"])]
         )
 
     def moment(self, name: str) -> torch.Tensor:

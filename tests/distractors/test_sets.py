@@ -6,10 +6,12 @@ from nerfstudio.cameras.cameras import Cameras
 from nerfstudio.models.splatfacto import SplatfactoModelConfig
 
 from desplat_ns.backend.constants import NEAR_PLANE
+from desplat_ns.backend.protocol import Rendering, View
 from desplat_ns.cameras.views import view_of
+from desplat_ns.core.schedule import NominalStep, RunStep
 from desplat_ns.distractors.config import DistractorConfig, rates_at
 from desplat_ns.distractors.distractors import Distractors
-from desplat_ns.gaussians.activation import keep_colors_in_range
+from desplat_ns.step import Step
 from tests.helpers.stub_run import assert_same
 
 STATIC = SplatfactoModelConfig()
@@ -76,7 +78,10 @@ def test_colours_that_left_the_range_come_back_to_its_border():
     rgbs = distractors.views[1].params["rgbs"]
     with torch.no_grad():
         rgbs.copy_(torch.tensor([[-0.5, 0.5, 1.5], [0.0, 1.0, 2.0]]))
-    keep_colors_in_range(distractors.views[1].params)
+    view, image = View(torch.eye(4), torch.eye(3), 4, 4), torch.zeros(4, 4, 3)
+    drawn = Rendering(image, image[..., :1], None, torch.zeros(1, 2, 2), torch.ones(2).int())
+    step = Step(NominalStep(0), RunStep(0), 1, view, drawn, drawn)
+    distractors.commit(step, lambda params: torch.ones(2))
     assert torch.equal(rgbs, torch.tensor([[0.0, 0.5, 1.0], [0.0, 1.0, 1.0]]))
 
 
@@ -85,7 +90,6 @@ def stepped(distractors: Distractors, view: int) -> None:
     gaussians = distractors.views[view]
     gaussians.begin_step(rates_at(0))
     torch.stack([p.sum() for p in gaussians.params.values()]).sum().backward()
-    assert gaussians.optimizer is not None
     gaussians.optimizer.step()
 
 

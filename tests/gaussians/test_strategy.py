@@ -8,13 +8,10 @@ from gsplat.strategy import DefaultStrategy
 from gsplat.strategy.ops import normalized_quat_to_rotmat
 from torch import nn
 
-from desplat_ns.backend.protocol import Rendering, View
+from desplat_ns.backend.protocol import Rendering
 from desplat_ns.core.schedule import NominalStep
-from desplat_ns.distractors.refinement import strategy_info
 from desplat_ns.gaussians.activation import activate_static
 from desplat_ns.gaussians.strategy import UNLIMITED, StaticStrategy, long_axis_split, sample
-
-VIEW = View(torch.eye(4), torch.eye(3), width=20, height=10)
 
 
 class Scene:
@@ -45,9 +42,8 @@ class Scene:
         means2d.absgrad[0, :, 0] = torch.as_tensor(grad) / 10  # times half the width
         black = torch.zeros(10, 20, 3)
         rendering = Rendering(black, black[..., :1], None, means2d, torch.ones(n).int())
-        info = strategy_info(rendering, VIEW)
         held = self.params, self.optimizers, self.state
-        self.strategy.step_post_backward(*held, NominalStep(step), info)
+        self.strategy.after_step(*held, NominalStep(step), rendering)
         return len(self.params["means"])
 
 
@@ -76,8 +72,9 @@ def test_a_visit_is_sampled_as_gsplat_does(absgrad, by_width):
         means2d.absgrad, means2d.grad = gradients.abs(), gradients
         means2d.grad[0, radii == 0] = torch.nan
         black = torch.zeros(10, 20, 3)
-        info = strategy_info(Rendering(black, black[..., :1], None, means2d, radii), VIEW)
-        sample(strategy, params, ours, info)
+        sample(strategy, ours, Rendering(black, black[..., :1], None, means2d, radii))
+        info = {"means2d": means2d, "radii": radii[None], "width": 20, "height": 10}
+        info |= {"n_cameras": 1, "gaussian_ids": None}
         strategy._update_state(params, theirs, info)  # pyright: ignore[reportArgumentType]
     assert ours.keys() == theirs.keys()
     for name in ("grad2d", "count", *(["radii"] if by_width else [])):

@@ -19,6 +19,7 @@ from nerfstudio.utils import writer
 from torch.nn import Parameter
 from torch.utils._pytree import keystr, tree_flatten_with_path
 
+from desplat_ns.core.effects import EffectsConfig
 from desplat_ns.core.options import ranged
 from desplat_ns.core.schedule import Schedule
 from desplat_ns.training.trainer import DeSplatTrainerConfig
@@ -55,9 +56,7 @@ class StubModel:
         self.schedule = Schedule(scale or 1.0)
         self.step = 0
         self.gauss_params = {"means": torch.zeros(1, 3)}
-
-    def view_name(self) -> str:
-        return "a.jpg"
+        self.names = ["a.jpg"]
 
     def view_optimizers(self) -> dict[str, torch.optim.Optimizer]:
         return {}
@@ -83,7 +82,7 @@ class StubPipeline(Pipeline):
         return "cpu"
 
     def get_train_loss_dict(self, step: int) -> Any:
-        self._model.step, self._model.train_step = step, SimpleNamespace(losses={})
+        self._model.step, self._model.train_step = step, SimpleNamespace(losses={}, index=0)
         self.at_step(step)
         self.trained.append(step)
         target = torch.rand(4) + self.datamanager.next_view()
@@ -121,6 +120,7 @@ class StubModelConfig:
     schedule_scale: float | None = ranged(None, "(0, inf)")
     backend: str = "torch"
     warmup: tuple[int, int] = (0, 0)
+    effects = EffectsConfig()
 
     def warmup_of(self, num_views: int) -> tuple[int, int]:
         return self.warmup
