@@ -51,15 +51,10 @@ def load_run(
     change: Callable[[RunConfig], RunConfig] = lambda config: config,
     needs_photos: bool = True,
 ) -> LoadedRun:
-    """Load a run as nerfstudio's `eval_setup` does. Raises CaptureError where its capture cannot be
-    read any more, CheckpointError where no checkpoint is intact or of this run, ConfigError where
-    another version wrote config.yml, or it names what no run needs.
-
-    Args:
-        change: of its configuration, before the pipeline is made.
-        needs_photos: without them the training cameras are those of the checkpoint, if it has them,
-            and the capture is not looked for.
-    """
+    """Load a run as nerfstudio's `eval_setup` does, by its configuration with a `change`. Without
+    `needs_photos` the training cameras are the checkpoint's, if it has them, and the capture is not
+    looked for. Raises CaptureError where that cannot be read any more, CheckpointError where no
+    checkpoint is intact or of this run, ConfigError where another version wrote config.yml."""
     try:
         config: Any = yaml.load(files.config.read_text("utf8"), Loader=RunLoader)
         config.relative_model_dir = files.checkpoints

@@ -1,5 +1,4 @@
-"""Where the paper's data sets lie; their pages say what may be done with them. Sizes and checksums
-are not published."""
+"""Where the paper's data sets lie. Sizes and checksums are not published."""
 
 from dataclasses import dataclass
 
