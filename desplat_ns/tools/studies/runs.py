@@ -60,10 +60,6 @@ class Run:
         return self.method, shlex.join(self.given), str(self.data), self.seed
 
 
-Do = Callable[[Run, Path], Record]
-"""Does a run in a folder; see `execute`."""
-
-
 def execute(run: Run, folder: Path) -> Record:
     """Train and score a run. Its log and pictures replace an earlier run's in a folder of its name;
     checkpoints are removed. Raises as `train_and_score`, CaptureError without the capture."""
@@ -126,11 +122,7 @@ def train_and_score(method: str, options: list[str], pictures: Path) -> tuple[di
 
 
 def finish(
-    runs: Iterable[Run],
-    records: dict[Key, Record],
-    output: Path,
-    left: Callable[[], str] = str,
-    do: Do = execute,
+    runs: Iterable[Run], records: dict[Key, Record], output: Path, left: Callable[[], str] = str
 ) -> dict[str, str]:
     """Do all runs that have no record; why some failed, by name. The next is asked for when the one
     before is in `records` and told, with what is `left`. Raises ConfigError as `save`."""
@@ -139,7 +131,7 @@ def finish(
         if run.key in records:
             continue
         try:
-            record = do(run, folder)
+            record = execute(run, folder)
         except Exception as error:
             kind = "" if isinstance(error, DeSplatError) else type(error).__name__
             failed[run.name] = f"{kind}: {error}".removeprefix(": ")

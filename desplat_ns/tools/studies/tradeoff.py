@@ -21,7 +21,7 @@ from desplat_ns.core.whole import only_process_in, write_output
 from desplat_ns.survey.survey import decided_effects
 from desplat_ns.tools.studies.methods import content_of, method_config, splits_of
 from desplat_ns.tools.studies.records import Key, Record, conditions_of, open_records
-from desplat_ns.tools.studies.runs import Do, Run, execute, finish
+from desplat_ns.tools.studies.runs import Run, finish
 
 BASE = "desplat"
 """The method whose options are varied, and its variant of all defaults."""
@@ -67,7 +67,6 @@ class Study:
     seconds: float
     """Of wall time, for the whole study."""
     records: dict[Key, Record]
-    do_run: Do = execute
     failed: dict[str, str] = field(default_factory=dict)
     """Why a run has no record, by its name."""
 
@@ -121,7 +120,7 @@ class Study:
     def do(self) -> None:
         """Do the runs that are not done and for which time is left. Raises DeSplatError where the
         first run failed, ConfigError where records cannot be written."""
-        how = self.records, self.output, self.left, self.do_run
+        how = self.records, self.output, self.left
         for failure in finish(self.planned[:1], *how).values():
             raise DeSplatError(f"The first run failed. {failure}")
         self.failed = finish(self.fitting(), *how)
