@@ -62,4 +62,3 @@ SOURCES: dict[str, Source] = {
     "sacre-coeur": _photo_tourism("Sacre Coeur", "sacre_coeur", "sacre"),
     "trevi-fountain": _photo_tourism("Trevi Fountain", "trevi_fountain", "trevi"),
 }
-"""By the name that is typed."""

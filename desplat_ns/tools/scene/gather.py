@@ -82,7 +82,6 @@ class Light:
 
     name: str
     background: Color
-    """Behind everything."""
     harmonics: Float[np.ndarray, "N K 3"]
     """Of the scene's Gaussians, as `SplatCloud.harmonics`."""
 
@@ -106,7 +105,6 @@ class PageScene:
     pictures: Sequence[tuple[str, Picture]]
     """Renderings with their names, for browsers that cannot draw the scene."""
     other_lights: Sequence[Light] = ()
-    """To choose from beside it."""
     not_shown: str = ""
     """In words, which photos are not on the page."""
 
@@ -196,7 +194,6 @@ def _distractors(model: DeSplatModel, index: int) -> SplatCloud | None:
 
 
 def _picture(model: DeSplatModel, view: View, embedding: Tensor) -> Picture:
-    """A rendering of the static scene."""
     background = model.background_of(view, embedding)
     drawn = model.render_static(view, embedding)
     return picture_of(model.image_of(drawn, background, view, embedding))

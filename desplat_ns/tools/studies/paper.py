@@ -172,7 +172,6 @@ TABLES: dict[TableName, Table] = {
         Table("A7", "Table A7: memory", _BOTH, _MEMORY, _MB),
     )
 }
-"""By the name that is typed."""
 
 
 @cache
