@@ -8,7 +8,7 @@ of the camera. Masking the results would be too late: 0 * inf in the backward pa
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from jaxtyping import Bool, Float, Int
@@ -32,8 +32,7 @@ MAX_PIXELS = 1e8
 their fourth power and float32 ends at 3e38."""
 
 COMPENSATION_MIN = 1e-3
-"""Floor of the antialiasing factor, whose slope is infinite at 0. It is below ALPHA_CUTOFF, so what
-it changes is never drawn."""
+"""Floor of the antialiasing factor, whose slope is infinite at 0. What it changes is not drawn."""
 
 
 @dataclass(frozen=True)
@@ -54,13 +53,10 @@ class ProjectedSplats:
 
 
 def project(splats: Splats, view: View, settings: RenderSettings) -> ProjectedSplats:
-    """Project Gaussians, evaluate their colours and cull.
-
-    Culled are Gaussians out of [NEAR_PLANE, FAR_PLANE], off the image, with values that are not
-    finite, with a quaternion of length 0, or larger than MAX_PIXELS; their gradients are 0.
-    Differentiable in `splats` and in `view`. Raises ValueError: shapes, dtypes or devices do not
-    fit together; a camera that cannot be.
-    """
+    """Project Gaussians, evaluate their colours and cull those out of [NEAR_PLANE, FAR_PLANE], off
+    the image, with values that are not finite, with a quaternion of length 0, or larger than
+    MAX_PIXELS; their gradients are 0. Differentiable in `splats` and in `view`. Raises ValueError:
+    shapes, dtypes or devices do not fit together; a camera that cannot be."""
     check_inputs(splats, view)
     usable = _usable(splats, view)
     splats = _with_culled_replaced(splats, view, usable)
@@ -80,21 +76,17 @@ def project(splats: Splats, view: View, settings: RenderSettings) -> ProjectedSp
     if settings.antialiased:
         ratio = (det_sharp / det).clamp(min=COMPENSATION_MIN**2)
         opacities = opacities * ratio.sqrt()
+    colors = splats.colors
+    if splats.sh_degree is not None:
+        colors = cut_at_zero(_sh_colors(splats.means - view.center, colors, splats.sh_degree))
     return ProjectedSplats(
         means2d=means2d[None],
         conics=torch.stack([up * cov_yy / det, -cov_xy / det, up * cov_xx / det], dim=-1),
         depths=z,
         opacities=opacities,
-        colors=view_colors(splats, view),
+        colors=colors,
         radii=_radii(usable, means2d, (cov_xx, cov_xy, cov_yy), view),
     )
-
-
-def view_colors(splats: Splats, view: View) -> Float[Tensor, "N 3"]:
-    """Colours seen from `view`: as given, or max(SH + 1/2, 0) where `sh_degree` is set."""
-    if splats.sh_degree is None:
-        return splats.colors
-    return cut_at_zero(_sh_colors(splats.means - view.center, splats.colors, splats.sh_degree))
 
 
 def cut_at_zero(colors: Float[Tensor, "N 3"]) -> Float[Tensor, "N 3"]:
@@ -119,9 +111,8 @@ def uncut_colors(
     splats: Splats, view: View, shown: Bool[Tensor, " N"]
 ) -> tuple[Float[Tensor, "N 3"], Float[Tensor, "N 3"]]:
     """SH + 1/2 seen from `view`, negative ones too, which Eq. 7 of DeSplat tones; 0, without
-    gradients, where not `shown`. And the zeroth coefficients of all. Float32 by the kernels of the
-    `numba` backend on a CPU and by gsplat's on CUDA, else in plain torch. Differentiable in the
-    camera."""
+    gradients, where not `shown`. And the zeroth coefficients of all. Float32 by numba's kernels on
+    a CPU and gsplat's on CUDA, else in plain torch. Differentiable in the camera."""
     assert splats.sh_degree is not None
     center = view.center
     means, coefficients = splats.means, splats.colors
@@ -178,13 +169,13 @@ def _with_culled_replaced(splats: Splats, view: View, usable: Tensor) -> Splats:
     colors = splats.colors
     if finite_colors(colors) is not None:
         colors = colors.masked_fill(culled if colors.ndim == 2 else culled[..., None], 0)
-    return Splats(
+    return replace(
+        splats,
         means=torch.where(culled, ahead, splats.means),
         quats=splats.quats.masked_fill(culled, 0.5),
         scales=splats.scales.masked_fill(culled, 1),
         opacities=splats.opacities.masked_fill(~usable, 0),
         colors=colors,
-        sh_degree=splats.sh_degree,
     )
 
 

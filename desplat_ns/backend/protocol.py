@@ -61,8 +61,7 @@ class RenderSettings:
     depth: bool = False
     """Also render the expected depth."""
     absgrad: bool = False
-    """After backward, `Rendering.means2d.absgrad` holds the sum over pixels of |d loss / d mean|,
-    [1, N, 2]."""
+    """After backward, `Rendering.means2d.absgrad` [1, N, 2] sums |d loss / d mean| over pixels."""
 
 
 @dataclass(frozen=True)
@@ -74,8 +73,7 @@ class Rendering:
     alpha: Float[Tensor, "H W 1"]
     """Accumulated opacity, in [0, 1)."""
     depth: Float[Tensor, "H W 1"] | None
-    """sum(w z) / sum(w), world units along the optical axis; 0 where nothing is, None if not asked
-    for."""
+    """sum(w z) / sum(w), world units along the axis; 0 where nothing is, None if not asked for."""
     means2d: Float[Tensor, "1 N 2"]
     """Projected means in pixels, part of the graph: densification reads their gradient."""
     radii: Int[Tensor, " N"]

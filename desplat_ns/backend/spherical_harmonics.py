@@ -34,12 +34,10 @@ def legendre(degree: int, order: int) -> dict[int, float]:
 
 
 def sh_basis(degree: int, dirs: Float[Tensor, "N 3"]) -> Float[Tensor, "N K"]:
-    """The K = (degree + 1)^2 real harmonics at unit directions `dirs`, K last.
-
-    The azimuthal factors sin(theta)^m cos(m phi) and sin(theta)^m sin(m phi) are the real and
-    imaginary parts of (x + i y)^m; 3DGS's sign is (-1)^m times the textbook's real harmonic
-    without the Condon-Shortley phase: Y_1 = C1 (-y, z, -x).
-    """
+    """The K = (degree + 1)^2 real harmonics at unit directions. The azimuthal factors
+    sin(theta)^m cos(m phi) and sin(theta)^m sin(m phi) are the real and imaginary parts of
+    (x + i y)^m; 3DGS's sign is (-1)^m times the textbook's real harmonic without the
+    Condon-Shortley phase: Y_1 = C1 (-y, z, -x)."""
     x, y, z = dirs.unbind(-1)
     real, imag = [torch.ones_like(x)], [torch.zeros_like(x)]
     powers: list[Tensor | float] = [1.0]

@@ -1,6 +1,5 @@
 """A trained run, loaded, and which of its photos are shown: the one way of all commands."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, is_dataclass
 from pathlib import Path
 from types import SimpleNamespace
@@ -46,26 +45,16 @@ def _remembered(record: SceneRecord) -> DataParserConfig:
     return DataParserConfig(lambda _: parser, Path())  # pyright: ignore[reportArgumentType]
 
 
-def load_run(
-    files: RunFiles,
-    change: Callable[[RunConfig], RunConfig] = lambda config: config,
-    needs_photos: bool = True,
-) -> LoadedRun:
-    """Load a run as nerfstudio's `eval_setup` does. Raises CaptureError where its capture cannot be
-    read any more, CheckpointError where no checkpoint is intact or of this run, ConfigError where
-    another version wrote config.yml, or it names what no run needs.
-
-    Args:
-        change: of its configuration, before the pipeline is made.
-        needs_photos: without them the training cameras are those of the checkpoint, if it has them,
-            and the capture is not looked for.
-    """
+def load_run(files: RunFiles, needs_photos: bool = True) -> LoadedRun:
+    """Load a run as nerfstudio's `eval_setup` does. Without `needs_photos` the training cameras are
+    the checkpoint's, if it has them, and the capture is not looked for. Raises CaptureError where
+    that cannot be read any more, CheckpointError where no checkpoint is intact or of this run,
+    ConfigError where another version wrote config.yml."""
     try:
         config: Any = yaml.load(files.config.read_text("utf8"), Loader=RunLoader)
         config.relative_model_dir = files.checkpoints
         if files.data is not None:
             config.pipeline.datamanager.data = files.data
-        config = change(config)
         config.load_dir = config.get_checkpoint_dir()
         device, mode = "cuda" if torch.cuda.is_available() else "cpu", "test"
         if not needs_photos:

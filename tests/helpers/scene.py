@@ -8,6 +8,7 @@ import torch
 
 from desplat_ns.backend.protocol import View
 from desplat_ns.backend.spherical_harmonics import C0
+from desplat_ns.core.pages import Picture
 from desplat_ns.tools.export.splat_cloud import SplatCloud
 from desplat_ns.tools.scene.gather import Light, PageCamera, PageScene
 from tests.helpers import splat_files
@@ -58,7 +59,7 @@ def view(degrees: float) -> View:
 def camera(name: str, degrees: float, **changes: Any) -> PageCamera:
     """A photo's camera; the photo has one colour."""
     photo = np.full((HEIGHT, WIDTH, 3), PHOTO, np.uint8)
-    made_up = PageCamera(name, False, view(degrees), near=0.01, reach=3.0, photo=photo)
+    made_up = PageCamera(name, False, view(degrees), near=0.01, reach=3.0, photo=Picture(photo))
     return replace(made_up, **changes)
 
 
@@ -84,7 +85,7 @@ def contents(**changes: Any) -> PageScene:
             camera("b.png", 40),
             camera("extra.png", -70, held_out=True),
         ],
-        pictures=[("a.png", grey)],
+        pictures=[("a.png", Picture(grey))],
     )
     return replace(made_up, **changes)
 

@@ -19,6 +19,7 @@ from desplat_ns.core.run_files import find_run
 from desplat_ns.data.layouts import OURS, without_prompts
 from desplat_ns.plugin import UNPICKLES, trusted_tags
 from desplat_ns.tools.loading import load_run
+from desplat_ns.training.run_config import RunConfig
 
 PLUGIN = """
 from dataclasses import dataclass
@@ -140,7 +141,9 @@ def test_a_plugin_is_trusted_once_it_is_registered(tmp_path: Path, monkeypatch, 
     trusted_tags.cache_clear()
 
 
-def test_a_mistake_of_a_program_is_not_taken_for_a_run_of_another_version(tmp_path: Path):
+def test_a_mistake_of_a_program_is_not_taken_for_a_run_of_another_version(
+    tmp_path: Path, monkeypatch
+):
     def of_config_yml(config: Any) -> Any:
         return config.gone
 
@@ -148,7 +151,9 @@ def test_a_mistake_of_a_program_is_not_taken_for_a_run_of_another_version(tmp_pa
         return config.load_step.gone
 
     files = find_run(config_with(tmp_path, "now"))
+    monkeypatch.setattr(RunConfig, "get_checkpoint_dir", of_config_yml)
     with pytest.raises(ConfigError, match="another version"):
-        load_run(files, of_config_yml)
+        load_run(files)
+    monkeypatch.setattr(RunConfig, "get_checkpoint_dir", of_the_program)
     with pytest.raises(AttributeError, match="NoneType"):
-        load_run(files, of_the_program)
+        load_run(files)

@@ -18,7 +18,7 @@ tile.
 """
 
 import math
-from typing import NamedTuple
+from collections import namedtuple
 
 import numpy as np
 
@@ -43,8 +43,7 @@ RECORD = FEATURES + 4
 """Numbers of a record: the features are three colours and the depth."""
 
 OUTLINE = 7
-"""Numbers that are kept of an ellipse: mean x, y, then slope_y, extent_x, root_y, bend_y, top_y
-(see `Ellipse`)."""
+"""Numbers that are kept of an `Ellipse`: mean x, y; slope_y, extent_x, root_y, bend_y, top_y."""
 
 BATCH = 64
 """Entries whose rows are worked out together."""
@@ -60,23 +59,12 @@ _O1, _O2, _O3, _O4, _O5, _O6 = (np.uint64(BATCH * k) for k in range(1, 7))
 
 _ZERO = np.float32(0)
 
-
-class Ellipse(NamedTuple):
-    """left, right = -slope_x y -+ sqrt(root_x - bend_x y^2), |y| <= extent_y; right is largest at
-    y = top_x. The same with x and y exchanged. All float64."""
-
-    mean_x: np.float64
-    mean_y: np.float64
-    slope_x: np.float64
-    slope_y: np.float64
-    extent_x: np.float64
-    extent_y: np.float64
-    root_x: np.float64
-    root_y: np.float64
-    bend_x: np.float64
-    bend_y: np.float64
-    top_x: np.float64
-    top_y: np.float64
+Ellipse = namedtuple(
+    "Ellipse",
+    "mean_x mean_y slope_x slope_y extent_x extent_y root_x root_y bend_x bend_y top_x top_y",
+)
+"""left, right = -slope_x y -+ sqrt(root_x - bend_x y^2), |y| <= extent_y; right is largest at y =
+top_x. The same with x and y exchanged. All float64."""
 
 
 @part()
@@ -141,11 +129,8 @@ def tile_rows(e, grid):
 
 @part()
 def block_rows(s, number, left, low, high, row_ranges, first, end):
-    """Rows that the gathered outlines cover in one block of columns, in pairs; `shadow` for
-    vectors.
-
-    The arrays in `s` are the numbers of an outline. Written without branches.
-    """
+    """Rows that the outlines gathered in `s` cover in one block of columns, in pairs: `shadow` for
+    vectors, without branches."""
     near, far = np.float32(0.5), np.float32(BLOCK - 0.5)
     for k in range(np.uint64(number)):
         x, extent = left - s[k], s[k + _O3]

@@ -24,7 +24,7 @@ array of planes of float32 (no aliasing to rule out), indices are unsigned, exp 
 the loop is seen to take whole PAIRs of rows, so that it has no rest.
 """
 
-from typing import NamedTuple
+from collections import namedtuple
 
 import numpy as np
 
@@ -83,13 +83,8 @@ _LOOSE = {"reassoc", "contract", "nsz"}
 """Lets the compiler reorder the sums over pixels (which the loop needs to be vectorised); never
 used on what decides whether a Gaussian is drawn."""
 
-
-class Limits(NamedTuple):
-    """The constants of backend/constants.py, as arguments: measurements turn them."""
-
-    alpha_max: np.float32
-    alpha_cutoff: np.float32
-    transmittance_min: np.float32
+Limits = namedtuple("Limits", "alpha_max alpha_cutoff transmittance_min")
+"""The constants of backend/constants.py, float32, as arguments: measurements turn them."""
 
 
 @part()
@@ -110,9 +105,7 @@ def _exp2(power):
 @part()
 def _falloff_at(s, p, mean_x, mean_y, a, b, c):
     """(exp(-sigma), k g_x, k g_y, d_x, d_y) at pixel p, from k times the conic, k = -log2(e) / 2.
-
-    The same instructions in both passes. Rounding may turn sigma of a needle negative: then it is
-    0.
+    The same instructions in both passes. Where rounding turns sigma of a needle negative, it is 0.
     """
     dx, dy = mean_x - s[X + p], mean_y - s[Y + p]
     gx, gy = fma(a, dx, b * dy), fma(b, dx, c * dy)
@@ -164,8 +157,7 @@ def blend(s, records, base, place, start, stop, limits):
 
 @part(fastmath=_LOOSE, forceinline=True)
 def backward(s, records, base, place, start, stop, limits, sums):
-    """Step back over one Gaussian at pixels start ... stop - 1, which are PAIRs; add to its `sums`
-    and return them.
+    """Step back over one Gaussian at pixels start ... stop - 1, which are PAIRs; its new `sums`.
 
     One loop, although it takes more registers than there are without AVX-512: two or three shorter
     ones load and store more, and each ends in a branch that the processor guesses wrong.

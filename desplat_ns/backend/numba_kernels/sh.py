@@ -17,19 +17,9 @@ import numba
 import numpy as np
 import torch
 
-from desplat_ns.backend.numba_kernels.runtime import (
-    batches,
-    empty,
-    flat,
-    kernel,
-    launch,
-    part,
-)
+from desplat_ns.backend.numba_kernels.projection import BATCH, LANE
+from desplat_ns.backend.numba_kernels.runtime import batches, empty, flat, kernel, launch, part
 from desplat_ns.backend.spherical_harmonics import MAX_DEGREE, legendre, norm
-
-BATCH = 64
-LANE = BATCH + 16
-"""As in `projection`."""
 
 _POWERS = MAX_DEGREE + 1
 """Planes of x^0 ... x^4, then as many of y and of z."""
@@ -47,8 +37,7 @@ _LANES, _ZERO, _ONE = np.uint64(BATCH), np.float32(0), np.float32(1)
 
 @cache
 def sh_terms(degree: int) -> tuple[np.ndarray, np.ndarray]:
-    """Terms of all harmonics up to `degree`: [terms, 4] harmonic and powers, [terms]
-    coefficients.
+    """Terms of all harmonics up to `degree`: harmonic and powers [terms, 4], coefficients [terms].
 
     A harmonic of order m is a polynomial of z times the real part of (x + i y)^m, or the imaginary
     part of (x + i y)^-m.
@@ -127,8 +116,7 @@ def _slopes(places, coefficients, s):
 
 @kernel(fastmath=_LOOSE, parallel=True)
 def _evaluate(means, values, radii, center, places, coefficients, sizes, out, counter, workers):
-    """Colours [N, 3] from coefficients [N, stored, 3]; sizes = (stored, used, whether colours are
-    cut off at 0). 0 where culled."""
+    """Colours [N, 3], 0 where culled, from coefficients [N, stored, 3]; (stored, used, is_cut)."""
     stored, used, is_cut = sizes
     least = _ZERO if is_cut else -np.float32(np.inf)
     for _ in numba.prange(workers):

@@ -2,10 +2,9 @@
 
 import json
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 from desplat_ns.core.console import announce
 from desplat_ns.core.options import LpipsNet
@@ -47,7 +46,10 @@ class Evaluate(OfRun):
 
         from desplat_ns.tools.loading import load_run  # seconds: not before the checks
 
-        loaded = load_run(files, self._with_protocol)
+        loaded = load_run(files)
+        scoring = loaded.pipeline.config.evaluation
+        scoring.protocol = self.protocol or scoring.protocol
+        scoring.lpips_net = self.lpips_net or scoring.lpips_net
         with ExitStack() as stack:
             folder = None
             if pictures is not None:
@@ -67,13 +69,6 @@ class Evaluate(OfRun):
         announce(f"{in_words(results)}; means of {results['num_images']} held-out photos.")
         announce(f"Scored: {results['protocol']}.")
         announce(f"Saved results to: {self.output_path}")
-
-    def _with_protocol(self, config: Any) -> Any:
-        """A run's configuration with the options that were given."""
-        options = {"protocol": self.protocol, "lpips_net": self.lpips_net}
-        given = {name: value for name, value in options.items() if value is not None}
-        config.pipeline.evaluation = replace(config.pipeline.evaluation, **given)
-        return config
 
 
 main = partial(run, Evaluate, description=__doc__)

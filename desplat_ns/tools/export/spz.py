@@ -1,8 +1,7 @@
 """Gaussians as SPZ, version 3: a gzipped stream of quantized attributes, an eighth of a PLY.
 
-Source: the format's description and reference implementation, nianticlabs/spz. Written here
-because the packages that PyPI has fix the positions' precision, or drop the mark of antialiased
-training. Letters in shapes: N Gaussians, K spherical-harmonics bases.
+Source: nianticlabs/spz. Written here because the packages that PyPI has fix the positions'
+precision, or drop the mark of antialiased training. Letters in shapes: N Gaussians, K bases.
 """
 
 import gzip
@@ -24,19 +23,14 @@ COLOR_SCALE = 0.15
 """Of zeroth coefficients, so that colours somewhat beyond [0, 1] fit into a byte."""
 SH_STEPS = (2, 4)
 """Of 128ths, for degree one and those above: 7 and 6 bits. The reference implementation's 5 and 4
-make a file a third smaller and, where harmonics are small as in short runs, 33 dB of 50
-(docs/results/quality.md); readers need not be told."""
+make a file a third smaller, and of short runs 33 dB of 50 (docs/results/quality.md)."""
 
 
 def spz_bytes(cloud: SplatCloud) -> bytes:
-    """The file.
-
-    Largest errors: of a coordinate half a step, 2^-bits / 2 (see `fractional_bits`): the larger of
-    2^-21 and 1.2e-7 (1 / LARGEST) of the largest coordinate. 1/32 of a scale's logarithm (between
-    e^-10 and e^5.9), 1/510 of an opacity, 1/76 of a zeroth coefficient (within 3.3), 1/64 of the
-    others (of degree one 1/128; within 1). How large that is beside Gaussians: see `placed`. Raises
-    ConfigError where coordinates are too large for the format.
-    """
+    """The file. Largest errors: of a coordinate the larger of 2^-21 and 1.2e-7 (1 / LARGEST) of the
+    largest one; 1/32 of a scale's logarithm (between e^-10 and e^5.9), 1/510 of an opacity, 1/76 of
+    a zeroth coefficient (within 3.3), 1/64 of the others (of degree one 1/128; within 1). Raises
+    ConfigError where coordinates are too large for the format."""
     farthest = float(np.abs(cloud.means).max(initial=0.0))
     bits = fractional_bits(farthest)
     if bits < 0:
@@ -47,7 +41,8 @@ def spz_bytes(cloud: SplatCloud) -> bytes:
     flags = ANTIALIASED if cloud.antialiased else 0
     header = struct.pack("<IIIBBBB", MAGIC, VERSION, len(cloud), cloud.degree, bits, flags, 0)
     attributes = (
-        _fixed_point(cloud.means, bits),
+        # 24-bit two's complement, least byte first
+        np.rint(cloud.means * 2.0**bits).astype("<i4")[..., None].view(np.uint8)[..., :3],
         _bytes(cloud.opacities * 255),
         _zeroth(cloud),
         _bytes((np.log(cloud.scales) + 10) * 16),
@@ -59,19 +54,16 @@ def spz_bytes(cloud: SplatCloud) -> bytes:
 
 
 def color_bytes(cloud: SplatCloud) -> UInt8[np.ndarray, " B"]:
-    """The bytes of a file, unpacked, that depend on the light: zeroth coefficients of all
-    Gaussians, then the others, as they follow one another there. B = 3 N K."""
+    """A file's bytes, unpacked, that depend on the light: all zeroth coefficients, then the others,
+    as they follow one another there. B = 3 N K."""
     return np.concatenate([_zeroth(cloud).ravel(), _others(cloud).ravel()])
 
 
 def placed(cloud: SplatCloud) -> tuple[Bool[np.ndarray, " N"], str]:
     """For which Gaussians a file has places that are precise enough, and what to tell a user, if
     there is something. Those beyond LARGEST / 2^bits are left out, at most a share `FAR` of all:
-    one that floats far away would coarsen all the others.
-
-    A place is rounded to a multiple of 2^-bits, so it is off by 2^-bits / 2 at most: by `OFF_BY` of
-    the cloud's `size` s, or less, from bits = ceil(log2(1 / (2 OFF_BY s))) on.
-    """
+    one that floats far away would coarsen all the others. A place is off by 2^-bits / 2 at most: by
+    `OFF_BY` of the cloud's `size` s, or less, from bits = ceil(log2(1 / (2 OFF_BY s))) on."""
     reach = np.abs(cloud.means).max(axis=1)
     needed = math.ceil(-math.log2(2 * OFF_BY * cloud.size))
     with_all = fractional_bits(reach.max())
@@ -92,12 +84,6 @@ def placed(cloud: SplatCloud) -> tuple[Bool[np.ndarray, " N"], str]:
 def fractional_bits(coordinate: float) -> int:
     """Binary places beside which a coordinate has room; below 0 where it has none at all."""
     return min(MAX_FRACTIONAL_BITS, math.floor(math.log2(LARGEST / max(coordinate, 1.0))))
-
-
-def _fixed_point(means: Float[np.ndarray, "N 3"], bits: int) -> UInt8[np.ndarray, "N 9"]:
-    """24-bit two's complement, least byte first."""
-    whole = np.rint(means * 2.0**bits).astype("<i4")
-    return np.ascontiguousarray(whole).view(np.uint8).reshape(-1, 3, 4)[..., :3].reshape(-1, 9)
 
 
 def _smallest_three(quats: Float[np.ndarray, "N 4"]) -> UInt32[np.ndarray, " N"]:

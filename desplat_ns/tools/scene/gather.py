@@ -1,17 +1,15 @@
-"""From a trained run to what its page shows, in a few of the photos' lights.
-
-Letters in shapes: N Gaussians, H x W pixels.
-"""
+"""From a trained run to what its page shows, in a few of the photos' lights, N Gaussians."""
 
 import os
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from datetime import date
 from typing import Any
 
 import numpy as np
 import torch
-from jaxtyping import Float, UInt8
+from jaxtyping import Float
 from nerfstudio.cameras.cameras import Cameras
 from torch import Tensor
 
@@ -21,7 +19,7 @@ from desplat_ns.backend.protocol import RenderSettings, Splats, View
 from desplat_ns.cameras.near_plane import scene_start
 from desplat_ns.core.console import progress_over, text_of
 from desplat_ns.core.errors import CaptureError, ConfigError
-from desplat_ns.core.pages import LARGEST_SIDE, shrunk, to_rgb8
+from desplat_ns.core.pages import Picture, picture_of
 from desplat_ns.data.training_views import even_subset, image_names
 from desplat_ns.gaussians.activation import activate_distractors
 from desplat_ns.model import DeSplatModel
@@ -40,9 +38,8 @@ MORE_LIGHTS = 3
 """Photos' lights beside the one that is shown first, evenly chosen."""
 WEIGHING_VIEWS = 30
 """Training views in which Gaussians are weighed, evenly chosen."""
-Rgb = UInt8[np.ndarray, "_ _ 3"]
 Color = tuple[float, float, float]
-"""In [0, 1]."""
+"""Red, green and blue in [0, 1]."""
 TO_PAGE = Similarity(np.asarray(Y_UP, np.float64), 1.0, np.zeros(3))
 """From nerfstudio's coordinates to the page's, where y is up; the scale stays that of training."""
 
@@ -58,7 +55,7 @@ class PageCamera:
     """What is nearer is not shown there."""
     reach: float
     """Median depth of what is shown there."""
-    photo: Rgb
+    photo: Picture
     distractors: SplatCloud | None = None
     """What was taken out of the photo; None if nothing was."""
 
@@ -85,7 +82,6 @@ class Light:
 
     name: str
     background: Color
-    """Behind everything."""
     harmonics: Float[np.ndarray, "N K 3"]
     """Of the scene's Gaussians, as `SplatCloud.harmonics`."""
 
@@ -106,10 +102,9 @@ class PageScene:
     light: str
     """Whose light is shown: a photo, or `AVERAGE`; empty where all photos have the same."""
     cameras: Sequence[PageCamera]
-    pictures: Sequence[tuple[str, Rgb]]
+    pictures: Sequence[tuple[str, Picture]]
     """Renderings with their names, for browsers that cannot draw the scene."""
     other_lights: Sequence[Light] = ()
-    """To choose from beside it."""
     not_shown: str = ""
     """In words, which photos are not on the page."""
 
@@ -184,27 +179,24 @@ def _page_camera(
         view,
         near=max(NEAR_PLANE, model.config.near_plane * start),
         reach=reach or start or 1.0,
-        photo=shrunk(to_rgb8(shown.cpu().numpy()), LARGEST_SIDE),
+        photo=picture_of(shown),
         distractors=None if index is None else _distractors(model, index),
     )
 
 
 def _distractors(model: DeSplatModel, index: int) -> SplatCloud | None:
     """What was taken out of a training photo."""
-    if model.distractors is None or len(model.distractors.views[index]) == 0:
+    if model.distractors is None:
         return None
     splats = activate_distractors(model.distractors.views[index].params)
-    try:
+    with suppress(ConfigError):  # none, or all are too faint to be seen
         return baked(splats, model.render_settings(depth=False).antialiased)
-    except ConfigError:  # all are too faint to be seen
-        return None
 
 
-def _picture(model: DeSplatModel, view: View, embedding: Tensor) -> Rgb:
-    """A rendering of the static scene."""
+def _picture(model: DeSplatModel, view: View, embedding: Tensor) -> Picture:
     background = model.background_of(view, embedding)
-    image = model.image_of(model.render_static(view, embedding), background, view, embedding)
-    return shrunk(to_rgb8(image.clamp(0, 1).cpu().numpy()), LARGEST_SIDE)
+    drawn = model.render_static(view, embedding)
+    return picture_of(model.image_of(drawn, background, view, embedding))
 
 
 def _weights(pipeline: DeSplatPipeline, cloud: SplatCloud) -> np.ndarray:

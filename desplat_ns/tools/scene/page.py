@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float
 
 from desplat_ns.core.console import announce
 from desplat_ns.core.errors import ConfigError
-from desplat_ns.core.pages import Picture, fitted_into, template
+from desplat_ns.core.pages import fitted_into, template
 from desplat_ns.core.run_files import RunFiles
 from desplat_ns.core.whole import write_output
 from desplat_ns.tools.commands.export import Page
@@ -51,8 +51,8 @@ def write_scene(files: RunFiles, asked: Page) -> None:
 def scene_html(contents: PageScene, most: int) -> tuple[str, list[str]]:
     """The page, of at most so many bytes, and lines about what is not on it. Raises ConfigError
     where photos or Gaussians do not fit, however few or small."""
-    pictures = [Picture(camera.photo) for camera in contents.cameras]
-    pictures += [Picture(picture) for _, picture in contents.pictures]
+    pictures = [camera.photo for camera in contents.cameras]
+    pictures += [picture for _, picture in contents.pictures]
     sources = iter(fitted_into(pictures, int(min(PICTURES_SHARE * most, PICTURES_MOST))))
     cameras = []
     for index, camera in enumerate(contents.cameras):
@@ -118,9 +118,8 @@ def _text(content: bytes) -> str:
 def fitted(
     cloud: SplatCloud, most: int, weigh: Callable[[SplatCloud], Float[np.ndarray, " N"]]
 ) -> tuple[bytes, Bool[np.ndarray, " N"], float]:
-    """The cloud as SPZ of at most so many bytes; which Gaussians are kept; and the share of the
-    photos that they make up, in [0, 1]: blending weights, which `weigh` gives where not all fit,
-    over their sum. Raises ConfigError where next to none fit."""
+    """The cloud as SPZ of at most so many bytes; which Gaussians are kept; and their share of all
+    blending weights, which `weigh` gives. Raises ConfigError where next to none fit."""
     content = spz_bytes(cloud)
     if len(content) <= most:
         return content, np.ones(len(cloud), bool), 1.0

@@ -1,8 +1,5 @@
-"""What was measured: a file of JSON lines, one for each run.
-
-A record is history: it names its commit and the options given. Later code or defaults do not touch
-it. To measure a run anew, delete its line.
-"""
+"""What was measured: a file of JSON lines, one for each run, with its commit and the options given;
+later code or defaults do not touch it. To measure a run anew, delete its line."""
 
 import json
 from collections.abc import Iterable, Mapping
@@ -74,8 +71,7 @@ def open_records(folder: Path) -> dict[Key, Record]:
     records, code = load(folder / FILE), code_version()
     for other in {record.commit for record in records.values()} - {code}:
         raise ConfigError(
-            f"'{folder}' holds runs by {short(other)}, and this is {short(code)}: their figures "
-            "are not put together. Name another --output."
+            f"'{folder}' holds runs by {short(other)}, not {short(code)}: name another --output."
         )
     save(folder / FILE, records.values())
     return records

@@ -18,7 +18,7 @@ from desplat_ns.metrics import lpips_weights
 from desplat_ns.tools.studies.methods import content_of, method_config, splits_of
 from desplat_ns.tools.studies.paper import LPIPS_NET, MEAN, Method, PaperScene, Table, figures_of
 from desplat_ns.tools.studies.records import Key, Record, conditions_of, open_records
-from desplat_ns.tools.studies.runs import Do, Run, execute, finish
+from desplat_ns.tools.studies.runs import Run, finish
 
 TEMPLATE = Path(__file__).with_name("table.md.jinja")
 
@@ -78,7 +78,6 @@ def reproduce(
     methods: tuple[Method, ...],
     seeds: int,
     smoke: Smoke | None = None,
-    do: Do = execute,
 ) -> Path:
     """Run what a table needs of the data sets in a folder, and write it; the folder that holds it.
     Raises DeSplatError, also where runs failed; the table is written without them."""
@@ -104,7 +103,7 @@ def reproduce(
                 "Where there is no network, copy them there first; else LPIPS is left out.",
                 warning=True,
             )
-        failed = finish(runs, records, output, left, do)
+        failed = finish(runs, records, output, left)
         folder = output / (table.name + "-smoke" * (smoke is not None))
         write_table(grid, records, failed, folder)
     if failed:

@@ -60,14 +60,9 @@ class Run:
         return self.method, shlex.join(self.given), str(self.data), self.seed
 
 
-Do = Callable[[Run, Path], Record]
-"""Does a run in a folder; see `execute`."""
-
-
 def execute(run: Run, folder: Path) -> Record:
-    """Train and score a run. Its log and pictures stay in a folder of its name, instead of an
-    earlier run's; checkpoints are removed. Raises as `train_and_score`, CaptureError where there is
-    no capture."""
+    """Train and score a run. Its log and pictures replace an earlier run's in a folder of its name;
+    checkpoints are removed. Raises as `train_and_score`, CaptureError without the capture."""
     if not run.data.exists():
         raise CaptureError(f"There is no {run.data}, the capture of {run.name}.")
     place = folder / run.name
@@ -95,7 +90,7 @@ def execute(run: Run, folder: Path) -> Record:
 def train_and_score(method: str, options: list[str], pictures: Path) -> tuple[dict[str, Any], str]:
     """Train by a method and options of `ns-train`, and score: figures as of `ns-eval`, with CPU and
     wall seconds of the training steps alone, and the device's name. Raises SystemExit where
-    training was stopped before its last step; such a model is not scored."""
+    training was stopped before its last step."""
     for kept in (writer.EVENT_WRITERS, writer.EVENT_STORAGE, writer.GLOBAL_BUFFER):
         kept.clear()  # nerfstudio 1.1.5 keeps those of earlier runs
     config = parse(method, options)
@@ -127,26 +122,16 @@ def train_and_score(method: str, options: list[str], pictures: Path) -> tuple[di
 
 
 def finish(
-    runs: Iterable[Run],
-    records: dict[Key, Record],
-    output: Path,
-    left: Callable[[], str] = str,
-    do: Do = execute,
+    runs: Iterable[Run], records: dict[Key, Record], output: Path, left: Callable[[], str] = str
 ) -> dict[str, str]:
-    """Do all runs that have no record, record each as it ends, and say so; why some failed, by
-    name. Raises ConfigError where records cannot be written.
-
-    Args:
-        runs: the next is asked for when the one before is done.
-        records: those in the output folder; new ones are added.
-        left: says after each run what is left.
-    """
+    """Do all runs that have no record; why some failed, by name. The next is asked for when the one
+    before is in `records` and told, with what is `left`. Raises ConfigError as `save`."""
     failed, folder = dict[str, str](), (output / RUNS).resolve()
     for run in runs:
         if run.key in records:
             continue
         try:
-            record = do(run, folder)
+            record = execute(run, folder)
         except Exception as error:
             kind = "" if isinstance(error, DeSplatError) else type(error).__name__
             failed[run.name] = f"{kind}: {error}".removeprefix(": ")

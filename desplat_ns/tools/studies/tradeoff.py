@@ -4,7 +4,7 @@ for twice as many, and so on while time is left. Ended at any time, a study goes
 import base64
 import io
 import time
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import cycle
 from pathlib import Path
@@ -21,7 +21,7 @@ from desplat_ns.core.whole import only_process_in, write_output
 from desplat_ns.survey.survey import decided_effects
 from desplat_ns.tools.studies.methods import content_of, method_config, splits_of
 from desplat_ns.tools.studies.records import Key, Record, conditions_of, open_records
-from desplat_ns.tools.studies.runs import Do, Run, execute, finish
+from desplat_ns.tools.studies.runs import Run, finish
 
 BASE = "desplat"
 """The method whose options are varied, and its variant of all defaults."""
@@ -67,7 +67,6 @@ class Study:
     seconds: float
     """Of wall time, for the whole study."""
     records: dict[Key, Record]
-    do_run: Do = execute
     failed: dict[str, str] = field(default_factory=dict)
     """Why a run has no record, by its name."""
 
@@ -114,25 +113,21 @@ class Study:
             if run.key not in self.records and self.expected(run) <= self.seconds - self.spent:
                 yield run
 
-    def finish(self, runs: Iterable[Run]) -> dict[str, str]:
-        """Do runs that have no record; why some failed."""
-
-        def left() -> str:
-            return f"Spent: {self.spent / 60:.0f} of {self.seconds / 60:.0f} min."
-
-        return finish(runs, self.records, self.output, left, self.do_run)
+    def left(self) -> str:
+        """Of the time, in words."""
+        return f"Spent: {self.spent / 60:.0f} of {self.seconds / 60:.0f} min."
 
     def do(self) -> None:
         """Do the runs that are not done and for which time is left. Raises DeSplatError where the
         first run failed, ConfigError where records cannot be written."""
-        for failure in self.finish(self.planned[:1]).values():
+        how = self.records, self.output, self.left
+        for failure in finish(self.planned[:1], *how).values():
             raise DeSplatError(f"The first run failed. {failure}")
-        self.failed = self.finish(self.fitting())
+        self.failed = finish(self.fitting(), *how)
 
 
 def tradeoff(data: Path, parser: tuple[str, ...], output: Path, seconds: float) -> Path:
-    """Do a study as far as its time goes, earlier sessions included, and write its page; where that
-    is. Raises as `open_study` and `Study.do`."""
+    """Do a study as far as its time goes; its page. Raises as `open_study` and `Study.do`."""
     with only_process_in(output):
         compile_kernels("auto", default_device())  # no part of the time that was given
         study = open_study(data, parser, output, seconds)
@@ -190,13 +185,13 @@ def compared(base: Effects) -> dict[str, tuple[str, tuple[str, ...]]]:
     }
 
 
-def measured(study: Study) -> dict[Point, Scores]:
+def measured(study: Study) -> Mapping[Point, Scores]:
     """What has a record of at least one seed, the shortest first."""
-    points: dict[Point, dict[int, Mapping[str, Any]]] = {}
+    points = dict[Point, dict[int, Mapping[str, Any]]]()
     for run in sorted(study.planned, key=lambda run: run.steps):
         if (record := study.records.get(run.key)) is not None:
             points.setdefault((run.variant, run.steps), {})[run.seed] = record.scores
-    return dict(points)
+    return points
 
 
 def values(scores: Scores, name: str) -> list[float | int]:
@@ -205,8 +200,7 @@ def values(scores: Scores, name: str) -> list[float | int]:
 
 
 def gain(points: Mapping[Point, Scores], point: Point) -> str:
-    """PSNR of a point less the base's at as many steps, seed by seed, by `spread`; empty where
-    there is nothing to compare it with."""
+    """PSNR of a point less the base's at as many steps, seed by seed; empty where that is none."""
     variant, steps = point
     base = {} if variant == BASE else points.get((BASE, steps), {})
     scores = points[point]

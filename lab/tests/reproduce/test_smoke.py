@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from desplat_ns.tools.studies import runs
 from desplat_ns.tools.studies.paper import METHODS, TABLES
 from desplat_ns.tools.studies.records import FILE, Record, load
 from desplat_ns.tools.studies.reproduce import Smoke, reproduce
@@ -27,7 +28,9 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_a_killed_smoke_table_of_two_data_sets_goes_on_and_is_the_same(data: Path, tmp_path: Path):
+def test_a_killed_smoke_table_of_two_data_sets_goes_on_and_is_the_same(
+    data: Path, tmp_path: Path, monkeypatch
+):
     left = [2]
 
     def killed(run: Run, folder: Path) -> Record:
@@ -38,8 +41,8 @@ def test_a_killed_smoke_table_of_two_data_sets_goes_on_and_is_the_same(data: Pat
 
     def folder_of(name: str, do) -> Path:
         methods = (METHODS["desplat-paper"], METHODS["splatfacto"])
-        output = tmp_path / name
-        return reproduce(TABLES["A7"], data, output, methods, 1, SMOKE, do)
+        monkeypatch.setattr(runs, "execute", do)
+        return reproduce(TABLES["A7"], data, tmp_path / name, methods, 1, SMOKE)
 
     whole = json.loads((folder_of("whole", execute) / "table.json").read_text())
     assert {cell["scene"] for cell in whole["cells"]} == {"Yoda", "Patio-High", "mean"}

@@ -34,7 +34,7 @@ def test_every_photo_has_its_camera_and_what_was_taken_out_of_it(run: LoadedRun)
     assert contents.not_shown == "" and contents.light == ""
     for index, camera in enumerate(training):
         assert (camera.distractors is not None) == (len(model.distractors.views[index]) > 0)
-        assert camera.photo.shape == (camera.view.height, camera.view.width, 3)
+        assert camera.photo.pixels.shape == (camera.view.height, camera.view.width, 3)
         assert camera.reach > camera.near > 0
     assert all(camera.distractors is None for camera in contents.cameras if camera.held_out)
 

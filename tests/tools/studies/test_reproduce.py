@@ -15,6 +15,7 @@ from desplat_ns.core.errors import CaptureError, ConfigError, DeSplatError
 from desplat_ns.tools.commands.reproduce import Arguments
 from desplat_ns.tools.fetch.sources import SOURCES
 from desplat_ns.tools.studies import reproduce as module
+from desplat_ns.tools.studies import runs
 from desplat_ns.tools.studies.paper import MEAN, METHODS, TABLES, TableName, figures_of
 from desplat_ns.tools.studies.records import Record
 from desplat_ns.tools.studies.reproduce import Grid, Smoke, cells_of, find_contents, reproduce
@@ -41,11 +42,12 @@ def made(monkeypatch) -> Callable[..., Path]:
     """`reproduce`, which takes all scenes to be there."""
     monkeypatch.setattr(module, "find_contents", lambda table, *_: (contents_of(table.name), []))
 
-    def make(name: TableName, output: Path, do=made_up, **given: Any) -> Path:
+    def make(name: TableName, output: Path, execute=made_up, **given: Any) -> Path:
+        monkeypatch.setattr(runs, "execute", execute)
         options = {"seeds": 1, "smoke": None, "methods": TABLES[name].methods} | given
         methods = tuple(METHODS[method] for method in options.pop("methods"))
         places = (output.parent / "data", output)
-        return reproduce(TABLES[name], *places, methods, do=do, **options)
+        return reproduce(TABLES[name], *places, methods, **options)
 
     return make
 

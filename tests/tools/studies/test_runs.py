@@ -66,10 +66,12 @@ def failing(run: Run, folder: Path) -> Record:
     return made_up(run, folder)
 
 
-def test_runs_are_recorded_and_those_that_fail_leave_the_others(tmp_path: Path):
+def test_runs_are_recorded_and_those_that_fail_leave_the_others(tmp_path: Path, monkeypatch):
     records = dict[Key, Record]()
-    failed = finish(RUNS, records, tmp_path, do=failing)
+    monkeypatch.setattr(module, "execute", failing)
+    failed = finish(RUNS, records, tmp_path)
     assert failed == {"a-9-1": "too dark"} and sorted(key[-1] for key in records) == [0, 2, 3]
     assert load(tmp_path / FILE) == records
-    assert finish(RUNS, records, tmp_path, do=made_up) == {}
+    monkeypatch.setattr(module, "execute", made_up)
+    assert finish(RUNS, records, tmp_path) == {}
     assert [key[-1] for key in load(tmp_path / FILE)][3:] == [1], "nothing is done twice"

@@ -9,6 +9,7 @@ import pytest
 
 from desplat_ns.core.effects import Effects
 from desplat_ns.core.errors import ConfigError, DeSplatError
+from desplat_ns.tools.studies import runs
 from desplat_ns.tools.studies import tradeoff as module
 from desplat_ns.tools.studies.methods import parse
 from desplat_ns.tools.studies.records import FILE, Record, load, open_records
@@ -19,9 +20,9 @@ from tests.helpers.made_up_runs import made_up
 pytestmark = pytest.mark.usefixtures("tyro_may_build")
 
 
-def study_of(seconds: float, records=None, output: Path = Path(), do=made_up) -> Study:
+def study_of(seconds: float, records=None, output: Path = Path()) -> Study:
     capture = Path("/photos/garden"), ("colmap",), "20 photos train", Effects()
-    return Study(*capture, output, seconds, records or {}, do)
+    return Study(*capture, output, seconds, records or {})
 
 
 @pytest.fixture
@@ -95,7 +96,7 @@ class Time:
     def monotonic(self) -> float:
         return self.now
 
-    def do(self, run: Run, folder: Path) -> Record:
+    def execute(self, run: Run, folder: Path) -> Record:
         self.done.append(run.name)
         record = made_up(run, folder)
         self.now += record.seconds
@@ -108,6 +109,7 @@ class Time:
 def time(monkeypatch: pytest.MonkeyPatch) -> Time:
     clock = Time()
     monkeypatch.setattr(module, "time", clock)
+    monkeypatch.setattr(runs, "execute", clock.execute)
     return clock
 
 
@@ -120,7 +122,7 @@ def sit(time: Time, tmp_path: Path) -> Sit:
 
     def session(seconds: float) -> Study:
         time.done.clear()
-        study = study_of(seconds, open_records(tmp_path), tmp_path, time.do)
+        study = study_of(seconds, open_records(tmp_path), tmp_path)
         study.do()
         return study
 
