@@ -13,19 +13,33 @@ import torch
 from nerfstudio.data.dataparsers.nerfstudio_dataparser import NerfstudioDataParserConfig
 from scipy.spatial.transform import Rotation
 
-from desplat_ns.backend.protocol import View
+from desplat_ns.backend.protocol import Rendering, View
 from desplat_ns.core.run_files import RunFiles, find_run
 from desplat_ns.data.transforms_json import TransformsDataParser
 from desplat_ns.tools.commands.export import Splats
 from desplat_ns.tools.export import export
-from desplat_ns.tools.export.export import export_splats
+from desplat_ns.tools.export.export import export_splats, reach_of
 from desplat_ns.tools.export.splat_cloud import OFF_BY
 from desplat_ns.tools.loading import load_run
 from desplat_ns.training.datamanager import DeSplatDataManager
 from desplat_ns.viewer import LayerControl
 from tests.helpers.files import write_transforms
 from tests.helpers.scene import psnr
-from tests.helpers.splat_files import cloud, drawn, read_splats
+from tests.helpers.splat_files import cloud, drawn, read_splats, view
+
+
+def rendering(camera: View, depth: float, alpha: float) -> Rendering:
+    size = (camera.height, camera.width, 1)
+    depths = torch.full(size, depth)
+    depths[0] = 1e6  # a row of sky
+    nothing = torch.zeros(1, 0, 2), torch.zeros(0, dtype=torch.int64)
+    black = torch.zeros(camera.height, camera.width, 3)
+    return Rendering(black, torch.full(size, alpha), depths, *nothing)
+
+
+def test_a_camera_looks_as_far_as_the_median_depth_of_what_is_opaque():
+    assert reach_of(view(), lambda small: rendering(small, 2.0, 0.9)) == 2.0
+    assert reach_of(view(), lambda small: rendering(small, 2.0, 0.4)) is None
 
 
 @pytest.mark.parametrize(("ending", "least"), [("ply", 80.0), ("spz", 40.0)])
