@@ -29,23 +29,6 @@ def test_training_draws_the_distractors_of_that_view_over_the_static_scene():
     assert moved == [False, True, False]
 
 
-def test_evaluation_shows_the_static_scene_and_the_layers_of_a_training_view():
-    model = make_model().eval()
-    outputs = model.get_outputs_for_camera(camera(2))
-    assert torch.equal(outputs["rgb"], outputs["rgb_static"])
-    assert outputs["alpha_distractor"].mean() > 0.05
-    assert outputs["distractor_mask"].dtype == torch.bool
-    assert torch.equal(outputs["distractor_mask"], outputs["alpha_distractor"] > 0.5)
-    assert (outputs["depth"] > 2).all() and (outputs["depth"] < 4).all()
-
-
-@pytest.mark.parametrize("metadata", [{}, {"cam_idx": 0}])
-def test_a_view_that_is_no_training_view_has_no_distractors(metadata):
-    outputs = make_model().eval().get_outputs_for_camera(camera(**metadata))
-    assert not outputs["alpha_distractor"].any()
-    assert torch.equal(outputs["rgb_composite"], outputs["rgb_static"])
-
-
 def test_an_effect_that_is_off_leaves_no_trace():
     model = make_model(effects=EffectsConfig(distractors=False))
     assert model.distractors is None

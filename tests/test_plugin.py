@@ -99,10 +99,3 @@ def test_a_run_goes_on_when_what_reads_its_output_ends(monkeypatch: pytest.Monke
         CONSOLE.print("nobody reads this")
         print("nor this", flush=True)
     assert CONSOLE.quiet, "it was noticed"
-
-
-@pytest.mark.parametrize("seed_points", [None, (_points(), COLORS)])
-def test_a_random_start_stays_random(seed_points: Any):
-    model = _model(seed_points, random_init=True)
-    assert model.means.shape == (50, 3)
-    assert model.features_dc.shape == (50, 3)

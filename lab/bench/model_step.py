@@ -7,7 +7,6 @@ from nerfstudio.cameras.cameras import Cameras
 from nerfstudio.data.scene_box import SceneBox
 from nerfstudio.engine.optimizers import Optimizers
 
-from desplat_ns.backend.registry import BackendName
 from desplat_ns.core.effects import Effects, EffectsConfig
 from desplat_ns.core.optimizers import FusedAdamConfig
 from desplat_ns.distractors.config import DistractorConfig
@@ -18,6 +17,7 @@ from lab.bench.scenes import Scene
 
 LATE = 20_000
 """A step with all degrees of the harmonics, after densification."""
+NUM_VIEWS = 8
 
 
 class ModelStep:
@@ -26,14 +26,7 @@ class ModelStep:
     Learning rates are 0, so that every step has the same work to do.
     """
 
-    def __init__(
-        self,
-        scene: Scene,
-        effects: Effects,
-        num_views: int = 8,
-        backend: BackendName = "numba",
-        distractors_per_view: int = 0,
-    ) -> None:
+    def __init__(self, scene: Scene, effects: Effects, distractors_per_view: int = 0) -> None:
         """Args:
         scene: its Gaussians are the static ones, its view is that of every photo.
         distractors_per_view: spread over every photo; only if `effects` has distractors.
@@ -41,17 +34,17 @@ class ModelStep:
         view = scene.view
         to_world = torch.linalg.inv(view.viewmat)[:3] @ torch.diag(torch.tensor([1.0, -1, -1, 1]))
         fx, fy, cx, cy = (float(view.K[place]) for place in ((0, 0), (1, 1), (0, 2), (1, 2)))
-        cameras = Cameras(to_world.repeat(num_views, 1, 1), fx, fy, cx, cy, view.width, view.height)
+        cameras = Cameras(to_world.repeat(NUM_VIEWS, 1, 1), fx, fy, cx, cy, view.width, view.height)
         config = DeSplatModelConfig(
             effects=EffectsConfig(**asdict(effects)),
             distractors=DistractorConfig(start="residual", static_alone=True),
         )
-        config.num_downscales, config.backend = 0, backend
+        config.num_downscales, config.backend = 0, "numba"
         torch.manual_seed(0)
         means = scene.params["means"]
         self.model: DeSplatModel = config.setup(
             scene_box=SceneBox(torch.tensor([[-1.0] * 3, [1.0] * 3])),
-            num_train_data=num_views,
+            num_train_data=NUM_VIEWS,
             metadata={"train_cameras": cameras},
             seed_points=(means, torch.full(means.shape, 128, dtype=torch.uint8)),
         )
@@ -60,7 +53,7 @@ class ModelStep:
         if distractors_per_view > 0:
             assert self.model.distractors is not None
             spread = replace(config.distractors, start="everywhere", per_view=distractors_per_view)
-            for index in range(num_views):
+            for index in range(NUM_VIEWS):
                 self.model.distractors.views[index] = ViewDistractors(fill_view(view, spread))
         self.model.train()
         self.model.step = LATE

@@ -2,26 +2,15 @@
 
 import base64
 import io
-from pathlib import Path
 
-import jinja2
 import numpy as np
 import pytest
 from PIL import Image
 
 from desplat_ns.core.errors import ConfigError
-from desplat_ns.core.pages import LARGEST_SIDE, Picture, fitted_into, template, to_rgb8
+from desplat_ns.core.pages import LARGEST_SIDE, Picture, fitted_into, to_rgb8
 from lab.synthetic.textures import f32
 from tests.helpers.report import flat, noise
-
-
-def test_a_template_escapes_and_refuses_what_it_is_not_given(tmp_path: Path):
-    path = tmp_path / "page.jinja"
-    path.write_text("{{ name }}, {{ 61.0|time }}, {{ name|loud }}")
-    page = template(path, loud=str.upper)
-    assert page.render(name="<b>") == "&lt;b&gt;, 1 min 1 s, &lt;B&gt;"
-    with pytest.raises(jinja2.UndefinedError):
-        page.render()
 
 
 def opened(source: str) -> Image.Image:

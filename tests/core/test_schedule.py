@@ -35,13 +35,6 @@ def test_a_run_that_is_cut_short_does_what_is_ahead_in_the_steps_that_are_left()
         assert again.nominal(step) == schedule.nominal(step)
 
 
-@pytest.mark.parametrize(("step", "reached", "total"), [(300, 15_000, 600), (600, 30_000, 3_000)])
-def test_the_same_total_or_a_larger_one_changes_no_schedule(step: int, reached: int, total: int):
-    schedule = Schedule(total / 30_000)
-    assert not schedule.go_on(RunStep(step), reached, total)
-    assert schedule.nominal(RunStep(step)) == round(step / schedule.scale)
-
-
 def test_a_run_that_has_reached_the_end_of_its_schedules_may_have_steps_left():
     """As one whose machine gets faster at the end of a budget."""
     schedule = Schedule()

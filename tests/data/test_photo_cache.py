@@ -6,7 +6,6 @@ from collections.abc import Iterable
 
 import pytest
 
-from desplat_ns.core.errors import CaptureError
 from desplat_ns.data.photo_cache import AHEAD, BoundedPhotos, Photo
 
 SECONDS = 30
@@ -18,15 +17,12 @@ class Files:
 
     def __init__(self) -> None:
         self.read: list[int] = []
-        self.lost: set[int] = set()
         self.arrived = threading.Condition()
 
     def __call__(self, index: int) -> Photo:
         with self.arrived:
             self.read.append(index)
             self.arrived.notify_all()
-        if index in self.lost:
-            raise CaptureError(f"photo {index} is gone")
         return {"image_idx": index}
 
     def has_read(self, index: int) -> bool:
@@ -87,15 +83,3 @@ def test_as_few_photos_are_read_again_as_there_is_no_room_for(room: int):
         _ = photos[index]
     photos._pool.shutdown(wait=True)
     assert len(files.read) <= count + (rounds - 1) * (count - room + min(1 + AHEAD, room))
-
-
-def test_a_photo_that_cannot_be_read_is_told_when_it_is_asked_for_and_read_again_then():
-    files = Files()
-    files.lost = {1}
-    photos = BoundedPhotos(files, 3, 3, lambda: (1, 2))
-    assert photos[0] == {"image_idx": 0}
-    assert files.has_read(1)
-    with pytest.raises(CaptureError, match="photo 1 is gone"):
-        photos[1]
-    files.lost.clear()
-    assert photos[1] == {"image_idx": 1}

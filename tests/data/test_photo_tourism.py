@@ -65,15 +65,6 @@ def test_the_split_file_decides_and_test_stands_in_for_val(scene):
     assert (camera.width.item(), camera.height.item()) == (12, 4)  # that of the photo
 
 
-@pytest.mark.parametrize("folder", ["dense", "."])
-def test_the_split_file_is_found_in_dense_and_above_it(scene, folder: str):
-    data = scene()
-    (data / "scene.tsv").rename(data / folder / "scene.tsv")
-    # d.jpg would be used by a split that is drawn.
-    assert names(parser_of(data), "train") == ["a.jpg", "b.jpg"]
-    assert names(parser_of(data / "dense"), "train") == ["a.jpg", "b.jpg"]
-
-
 def test_of_several_split_files_one_can_be_named(scene):
     data = scene()
     write_split(data / "mine.txt", {"a.jpg": "test", "b.jpg": "train", "d.jpg": "train"})
@@ -103,19 +94,6 @@ def test_by_default_each_photo_is_halved_until_it_is_small_enough(scene, photo_w
     assert "1 of 2 photos" in capsys.readouterr().out
     dataset = CaptureDataset(outputs)
     assert dataset.get_data(0)["image"].shape == (1, 825, 3)
-
-
-@pytest.mark.real_data
-def test_sacre_coeur_has_eight_photos_to_train_on_and_two_for_testing(data_folder):
-    data = data_folder("sacre_coeur")
-    parser = parser_of(data)
-    outputs = parser.get_dataparser_outputs("train")
-    assert len(outputs.image_filenames) == 8
-    assert names(parser, "test") == ["10265353_3838484249.jpg", "71295362_4051449754.jpg"]
-    sizes = torch.cat([outputs.cameras.width, outputs.cameras.height], dim=1)
-    assert len(sizes.unique(dim=0)) == 8
-    assert len(outputs.metadata["points3D_xyz"]) > 4000
-    CaptureDataset(outputs).check_photos()
 
 
 def table(path: Path, rows=ROWS, header: str = HEADER, encoding: str = "utf8") -> Path:

@@ -6,14 +6,11 @@ import pytest
 import torch
 from torch.autograd import gradcheck
 
-from desplat_ns.backend.spherical_harmonics import sh_basis
 from desplat_ns.photo_tourism import appearance
 from desplat_ns.photo_tourism.appearance import (
     AffineAppearance,
     ShAppearance,
     fourier_features,
-    toned_coefficients,
-    toned_color,
 )
 from desplat_ns.photo_tourism.config import AppearanceConfig
 
@@ -33,18 +30,6 @@ def trained(model: Any) -> Any:
     for parameter in model.parameters():
         parameter.data.copy_(0.3 * numbers(*parameter.shape, seed=3))
     return model
-
-
-def test_toned_coefficients_evaluate_to_the_toned_colour_in_every_direction():
-    coefficients = numbers(NUM, BASES, 3)
-    gamma, beta = numbers(NUM, 3, seed=1), numbers(NUM, 3, seed=2)
-    toned = toned_coefficients(coefficients, gamma, beta)
-    directions = torch.nn.functional.normalize(numbers(50, 3, seed=4), dim=-1)
-    basis = sh_basis(3, directions)
-    for direction in basis:
-        plain = torch.einsum("k,nkc->nc", direction, coefficients) + 0.5
-        color = torch.einsum("k,nkc->nc", direction, toned) + 0.5
-        torch.testing.assert_close(color, toned_color(plain, gamma, beta), rtol=0, atol=1e-12)
 
 
 @NETWORKS

@@ -1,14 +1,11 @@
 """The model with per-image effects: what is drawn, trained, saved and exported."""
 
-import dataclasses
-
 import pytest
 import torch
 
 from desplat_ns.distractors.config import DistractorConfig
 from desplat_ns.evaluation.config import EvaluationConfig
 from desplat_ns.evaluation.halves import embedding_from_left_half
-from desplat_ns.gaussians.activation import activate_static
 from desplat_ns.model import DeSplatModel
 from desplat_ns.photo_tourism.camera_response import CENTRED, camera_response, squared_radius
 from desplat_ns.photo_tourism.image_effects import FEATURES
@@ -92,25 +89,6 @@ def test_features_follow_clones_splits_and_prunes():
     assert torch.equal(features[:, 0], colors[:, 0])
     state = trainer.optimizers[FEATURES].state[features]
     assert len(state["exp_avg"]) == model.num_points
-
-
-@pytest.mark.parametrize(("appearance", "sh_degree"), [("affine", 0), ("affine", 3), ("sh", 3)])
-def test_baked_coefficients_render_to_the_worn_appearance(appearance, sh_degree):
-    model = moved(model_with(appearance, sh_degree=sh_degree)).eval()
-    model.step = 10_000  # all degrees are active
-    model.gauss_params["features_rest"].data.normal_(std=0.1)
-    with model.shown_light.fixed(model.image_effects.of(1)):
-        dc, rest = model.shs_0, model.shs_rest
-    expected = draw(model, 1)
-    assert not torch.allclose(draw(model, 2), expected, atol=0.01)
-    splats = activate_static(model.gauss_params, sh_degree)
-    baked = torch.cat([dc[:, None], rest], dim=1)
-    splats = dataclasses.replace(splats, colors=baked)
-    view = model.view_of_camera(camera(0), None)
-    rendering = model.rasterizer(splats, view, model.render_settings(depth=False))
-    behind = model.background_of(view, model.embedding_of(None))
-    image = rendering.rgb + (1 - rendering.alpha) * behind
-    torch.testing.assert_close(image.detach().clamp(0, 1), expected, rtol=0, atol=1e-5)
 
 
 def test_a_checkpoint_brings_everything_back():

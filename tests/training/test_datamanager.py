@@ -88,18 +88,6 @@ def test_upstreams_parsers_are_swapped_where_they_would_ask_or_refused_with_the_
         assert without_prompts(own) is own
 
 
-def test_a_restored_sampler_goes_on_in_the_same_order(tiny_scene, tmp_path: Path):
-    parser = ColmapDataParserConfig(data=tiny_scene.folder)
-    first = manager(parser)
-    for step in range(4):
-        first.next_train(step)
-    torch.save(first.sampler_state(), tmp_path / "state.pt")
-    expected = [first.next_train(step)[1]["image_idx"] for step in range(20)]
-    other = manager(parser, train_cameras_sampling_seed=7)
-    other.load_sampler_state(torch.load(tmp_path / "state.pt", weights_only=True))
-    assert [other.next_train(step)[1]["image_idx"] for step in range(20)] == expected
-
-
 def test_one_training_photo_is_an_error(tiny_copy: Path):
     (tiny_copy / "train_list.txt").write_text(next((tiny_copy / "images").glob("clutter_*")).name)
     (tiny_copy / "test_list.txt").write_text(next((tiny_copy / "images").glob("extra_*")).name)
@@ -167,13 +155,6 @@ def test_a_trained_run_and_one_that_is_asked_for_all_photos_are_warned(tiny_copy
     (tiny_copy / "test_list.txt").unlink()
     manager(DeSplatColmapDataParserConfig(data=tiny_copy, eval_mode="all"))
     assert "14 of 14 held-out photos" in capsys.readouterr().out
-
-
-def test_a_capture_that_is_not_there_is_named_with_the_option(tmp_path: Path):
-    parser = DeSplatColmapDataParserConfig(data=tmp_path / "gone")
-    with pytest.raises(CaptureError, match=r"gone.*--data") as error:
-        manager(parser)
-    assert "COLMAP" not in str(error.value)
 
 
 def test_distorted_photos_are_undistorted_as_upstream(tiny_copy: Path):

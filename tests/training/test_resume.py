@@ -1,32 +1,8 @@
-"""State beyond the model: generators, moments and positions come back."""
+"""State of the random generators; that it comes back is in test_trainer_checkpoints.py."""
 
-import io
-import random
-from typing import Any
-
-import pytest
 import torch
 
 from desplat_ns.training.resume import restore_rng, rng_state
-
-
-def draws() -> list[Any]:
-    """Numbers from every generator; every other one of `gauss` is a cached one."""
-    return [torch.rand(3).tolist(), random.random(), random.gauss(0, 1)]
-
-
-@pytest.mark.parametrize("drawn", [0, 1])
-def test_restored_generators_draw_the_same_numbers(drawn):
-    for _ in range(drawn):
-        random.gauss(0, 1)
-    file = io.BytesIO()
-    torch.save(rng_state(), file)
-    file.seek(0)
-    state = torch.load(file, weights_only=True)
-    expected = draws()
-    draws()
-    restore_rng(state)
-    assert draws() == expected
 
 
 def test_a_gpu_that_a_run_does_not_use_is_left_alone(monkeypatch):

@@ -11,7 +11,7 @@ from desplat_ns.core.errors import TrainingError
 from desplat_ns.core.optimizers import FusedAdamConfig
 from desplat_ns.distractors.config import DistractorConfig
 from desplat_ns.training import step_guard
-from desplat_ns.training.step_guard import GuardedOptimizers, is_sound
+from desplat_ns.training.step_guard import GuardedOptimizers
 from tests.helpers.small_model import NUM_VIEWS, Trainer, make_model
 from tests.helpers.stub_run import assert_same, resumed, set_up, train
 from tests.helpers.stub_run import config as config  # a fixture
@@ -61,22 +61,6 @@ def a_model() -> Any:
     return model
 
 
-def judged(gradient: torch.Tensor, loss: float = 1.0) -> bool:
-    parameters = [torch.nn.Parameter(torch.zeros_like(gradient)), torch.nn.Parameter(torch.ones(7))]
-    parameters[0].grad = gradient
-    adams = [torch.optim.Adam([each], lr=0.1) for each in parameters]
-    return is_sound([torch.tensor(loss)], adams)
-
-
-@pytest.mark.parametrize("value", [NAN, -INF, 1e30])
-def test_one_value_among_many_and_a_loss_are_found(value):
-    gradient = torch.ones(70, 3)
-    assert judged(gradient)
-    gradient[41, 2] = value
-    assert not judged(gradient)
-    assert not judged(torch.ones(2, 3), loss=NAN)
-
-
 @pytest.mark.slow
 def test_a_bad_gradient_changes_no_bit_and_its_photo_is_named_once(capsys):
     """With distractors as in the paper; both sets are refined every third step."""
@@ -87,13 +71,14 @@ def test_a_bad_gradient_changes_no_bit_and_its_photo_is_named_once(capsys):
     for step in range(8):
         trainer.visit(step)
     before = trainer.state()
-    places = [("means", 0), ("features_rest", 0), ("distractors", 0), ("distractors", 3)]
+    places = [("means", 0, INF), ("features_rest", 0, 1e30)]  # whose square is infinite
+    places += [("distractors", 0, -INF), ("distractors", 3, NAN)]
 
-    def spoil(name: str, group: int) -> None:
+    def spoil(name: str, group: int, value: float) -> None:
         optimizers = trainer.optimizers | trainer.model.view_optimizers()
         parameters = optimizers[name].param_groups[group]["params"]
         grad = next(p.grad for p in parameters if p.grad is not None)
-        grad.view(-1)[-1] = INF if group == 0 else NAN
+        grad.view(-1)[-1] = value
 
     for place in places:
         trainer.spoil = lambda place=place: spoil(*place)
@@ -137,16 +122,6 @@ def spoiled(config: Any, steps: Any, value: float = NAN) -> Any:
 
     trainer.pipeline.get_train_loss_dict = get_train_loss_dict
     return trainer
-
-
-def test_a_run_skips_a_bad_step_and_goes_on(config, capsys):
-    trainer = spoiled(config, {4})
-    trainer.train()
-    assert trainer.pipeline.trained == list(range(12))
-    assert "a.jpg" in said(capsys)
-    last = load_checkpoint(config.get_checkpoint_dir() / "step-000000011.ckpt")
-    assert last["optimizers"]["means"]["state"][0]["step"] == 11
-    assert torch.isfinite(trainer.pipeline.groups["means"]).all()
 
 
 def test_after_too_many_it_saves_the_sound_state_and_says_why(config, monkeypatch):

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from desplat_ns.core.checkpoint import checkpoints_in
 from desplat_ns.core.errors import BackendUnavailableError, CheckpointError, ConfigError
 from desplat_ns.training.trainer import DeSplatTrainerConfig
 from tests.helpers.stub_run import (
@@ -19,17 +18,6 @@ from tests.helpers.stub_run import (
     train,
 )
 from tests.helpers.stub_run import config as config
-
-
-def test_the_number_of_steps_is_the_total_of_a_resumed_run(config):
-    config.max_num_iterations = 6
-    assert train(config).pipeline.trained == list(range(6))
-    second = resumed(config, max_num_iterations=10)
-    trainer = train(second)
-    assert trainer.pipeline.trained == [6, 7, 8, 9]
-    assert second.max_num_iterations == trainer.config.max_num_iterations == 10
-    names = [path.name for path in checkpoints_in(second.get_checkpoint_dir())]
-    assert names == ["step-000000009.ckpt"]
 
 
 def rates_of(config: DeSplatTrainerConfig) -> list[list[float]]:

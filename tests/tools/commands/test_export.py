@@ -1,5 +1,6 @@
 """desplat-export on a tiny run: files are whole; mistakes are told at once and leave nothing."""
 
+import re
 import shutil
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ from PIL import Image
 
 from desplat_ns.core.errors import CaptureError, ConfigError
 from desplat_ns.tools.commands.export import Masks, Page, Splats
+from desplat_ns.tools.commands.report import Report
 from tests.helpers.splat_files import read_splats
 
 
@@ -101,14 +103,18 @@ def test_masks_for_training_are_corrected_and_taken_back(
     assert not again[mask == 0].any() and again[mask > 0].any()
 
 
-def test_a_run_without_distractors_has_no_masks(tiny_run, tmp_path: Path):
+def test_a_run_without_distractors_has_no_masks_and_is_reported_without(tiny_run, tmp_path: Path):
     config: Any = tiny_run(tmp_path / "runs")
     config.max_num_iterations = 2
     config.pipeline.model.effects.distractors = False
     train.main(config)
+    run, page = config.get_base_dir() / "config.yml", tmp_path / "page.html"
     with pytest.raises(ConfigError, match="distractors"):
-        Masks(config.get_base_dir() / "config.yml", output=tmp_path / "masks").main()
+        Masks(run, output=tmp_path / "masks").main()
     assert not (tmp_path / "masks").exists()
+    Report(run, output=page, held_out_photos=0, scene=False).main()
+    alts = re.findall(r'<img[^>]* alt="[^"]*, ([^"]*)"', page.read_text("utf8"))
+    assert set(alts) == {"the photo", "the static scene"}
 
 
 def test_a_page_is_whole_and_not_replaced_unasked(trained: Path, tmp_path: Path, capsys):

@@ -2,14 +2,12 @@
 
 import subprocess
 import sys
-from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 
 import pytest
 
 from desplat_ns.core.errors import CaptureError, ConfigError
-from desplat_ns.tools.commands import run, run_on_capture, split_words, survey, tradeoff
+from desplat_ns.tools.commands import split_words, survey, tradeoff
 from desplat_ns.tools.commands.report import Report
 from desplat_ns.tools.commands.reproduce import Arguments
 
@@ -82,22 +80,3 @@ def test_the_capture_is_named_as_ns_train_takes_it_too(data: list[str]):
 def test_an_option_that_is_not_known_is_not_taken_for_a_data_parsers():
     with pytest.raises(ConfigError, match="--tiem"):
         split_words(tradeoff.Arguments, "desplat-tradeoff", ["photos", "--tiem", "5min"])
-
-
-@pytest.mark.parametrize("begin", [run, partial(run_on_capture, name="desplat-walk")])
-def test_a_command_says_what_it_does_before_it_begins(begin, monkeypatch, capsys):
-    """With line breaks and dots in the help of its options."""
-    said = []
-
-    @dataclass
-    class Walk:
-        """Walk to a.b, as people
-        do. By foot."""
-
-        def main(self, words: tuple[str, ...] = ()) -> None:
-            said.append(capsys.readouterr().out)
-
-    monkeypatch.setattr(sys, "argv", ["/usr/bin/desplat-walk"])
-    monkeypatch.setattr(sys, "excepthook", sys.excepthook)
-    begin(Walk)
-    assert said == ["desplat-walk: Walk to a.b, as people do.\n"]

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from desplat_ns.tools.process.photos import Photo, group_by_camera, numbered
 from desplat_ns.tools.process.process import left_out
-from desplat_ns.tools.process.reconstruction import PLAIN, Attempt, Model, sequential_pairs
+from desplat_ns.tools.process.reconstruction import PLAIN, Attempt, Model
 from desplat_ns.tools.process.video import Frame, choose
 
 
@@ -16,10 +16,6 @@ def photo(number: int, **changes) -> Photo:
 def test_names_that_differ_by_their_ending_do_not_meet():
     names = [named.name for named in numbered(["a.jpg", "a.png", "b/a.jpg"])]
     assert names == ["a.jpg", "a_png.jpg", "b/a.jpg"]
-
-
-def test_frames_have_neighbours_and_doubled_distances():
-    assert [b for a, b in sequential_pairs(100) if a == 0] == [*range(1, 11), 20, 40, 80]
 
 
 def test_photos_of_one_size_share_a_camera_unless_exif_says_otherwise_and_of_many_have_one_each():

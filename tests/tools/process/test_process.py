@@ -139,13 +139,6 @@ def test_two_photos_with_a_pose_are_no_capture(photo_writer, tmp_path: Path, mon
 
 
 @pytest.mark.parametrize(
-    ("error", "side", "is_bent"), [(0.57, 960, False), (0.8, 540, True), (0.75, 1600, False)]
-)
-def test_an_error_of_twice_the_usual_is_none_of_a_capture(error: float, side: int, is_bent: bool):
-    assert replace(GOOD, error=error, side=side).is_bent == is_bent
-
-
-@pytest.mark.parametrize(
     ("photos", "observations", "is_bent"),
     [(4, 2000, False), (20, 900, False), (20, 20_000, True), (20, 20_000, False)],
 )

@@ -5,7 +5,6 @@ import gzip
 import json
 import re
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,7 +15,7 @@ from desplat_ns.core.errors import ConfigError
 from desplat_ns.tools.export.splat_cloud import SplatCloud, moved
 from desplat_ns.tools.export.spz import color_bytes, spz_bytes
 from desplat_ns.tools.scene.gather import TO_PAGE
-from desplat_ns.tools.scene.page import VIEWER, fitted, scene_html
+from desplat_ns.tools.scene.page import fitted, scene_html
 from tests.helpers.html import Elements
 from tests.helpers.scene import HEIGHT, WIDTH, camera, cloud, contents, light, red_disc
 from tests.helpers.splat_files import read_splats
@@ -134,12 +133,3 @@ def test_what_shows_most_is_kept_and_its_share_is_told(part: float):
 def test_next_to_no_room_is_an_error_that_says_what_to_do(most: int):
     with pytest.raises(ConfigError, match="--megabytes"):
         fitted(cloud(), most, by_opacity)
-
-
-@pytest.mark.parametrize("path", sorted(VIEWER.glob("*.gz")), ids=lambda path: path.name)
-def test_the_viewers_libraries_have_their_licences_and_name_no_registry(path: Path):
-    named = re.compile(rb"registry\.|crates\.io|npmjs|pypi", re.IGNORECASE)
-    assert named.findall(gzip.decompress(path.read_bytes())) == []
-    text = path.with_name("LICENSES.txt").read_text()
-    for name in ("@sparkjsdev/spark", "three", "fflate"):
-        assert re.search(rf"^{name} \d+\.\d+\.\d+$", text, flags=re.MULTILINE)
