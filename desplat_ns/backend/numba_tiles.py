@@ -35,15 +35,22 @@ _LIMITS = Limits(np.float32(ALPHA_MAX), np.float32(ALPHA_CUTOFF), np.float32(TRA
 
 
 class NumbaRasterizer:
-    """Rasterizes on the CPU with compiled tile kernels, in float32 whatever the splats' dtype."""
+    """Rasterizes on the CPU with compiled tile kernels, in float32 whatever the dtype of the
+    splats. See `protocol.Rasterizer`."""
 
     name = "numba"
 
     def __call__(self, splats: Splats, view: View, settings: RenderSettings) -> Rendering:
-        """As `protocol.Rasterizer`. Raises ValueError: shapes do not fit, or no camera is so."""
+        """Rasterize `splats` seen from `view`. Differentiable in every tensor of `splats`. Raises
+        ValueError: shapes do not fit together, or the camera cannot be."""
         projected = _project(_in_float32(splats), _in_float32(view), settings)
         rgb, alpha, depth = _Rasterize.apply(
-            *vars(projected).values(),
+            projected.means2d,
+            projected.conics,
+            projected.depths,
+            projected.opacities,
+            projected.colors,
+            projected.radii,
             Grid(view.width, view.height, -(-view.width // TILE), -(-view.height // TILE)),
             settings.absgrad,
         )  # type: ignore[misc]  # torch does not annotate Function.apply
@@ -109,9 +116,13 @@ class _Rasterize(torch.autograd.Function):
 
 
 def compile_drawing() -> None:
-    """Launch the kernels that draw, in a process that compiles them, which `runtime` starts beside
-    one with `compile_colors`. What a kernel becomes may depend on what was compiled before (a
-    product of three numbers is taken in another order): so always these, in the order of a step."""
+    """Launch the kernels that draw, in a process that compiles them; `runtime` starts one where it
+    must, and beside it one with `compile_colors`.
+
+    What a kernel becomes may depend on what the process has compiled before (a product of three
+    numbers is taken in another order), so each kernel is always compiled in the same process, in
+    the order of a step.
+    """
     runtime.compiles_here = True
     shapes = ((1, 3), (1, 4), (1, 3), (1,), (1, 3))
     means, *others = (torch.ones(shape, requires_grad=True) for shape in shapes)

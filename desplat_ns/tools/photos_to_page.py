@@ -55,9 +55,17 @@ FILES = {"report": "report.html", "page": "scene.html", "ply": "scene.ply", "mas
 
 
 def make(photos: Path, output: Path, method: str, budget: float | None) -> None:
-    """Make what is missing in `output` of a folder of photos, a video, a capture, or a run's
-    config.yml, in a `budget` of seconds, if any; say what came out. Raises ConfigError where
-    something else is there, DeSplatError as the parts, SystemExit where training was stopped."""
+    """Make what is missing in `output`, and say what came out.
+
+    Args:
+        photos: a folder of photos, a video, a capture, or a run's config.yml.
+        budget: seconds of all parts together; None for as many steps as the photos ask for.
+
+    Raises:
+        ConfigError: `output` holds something else, or the output of other photos.
+        DeSplatError: as of the parts; what is done is kept.
+        SystemExit: training was stopped.
+    """
     began = time.monotonic()
     CONSOLE.log = lambda *_, **__: None  # nerfstudio's, each with a line of its source
     with only_process_in(output):
@@ -69,9 +77,8 @@ def make(photos: Path, output: Path, method: str, budget: float | None) -> None:
             )
         is_posed = is_capture(photos)
         capture = photos if is_posed else output / "capture"
-        name = output.resolve().name.removeprefix("desplat-") or "scene"  # the pages' title
-        folder = output / "training" / name / method / "run"
-        config = photos if photos.name == "config.yml" else folder / "config.yml"
+        config = _run_folder(output, method) / "config.yml"
+        config = photos if photos.name == "config.yml" else config
         missing = list(SAID)[is_capture(capture) :]
         if config == photos or method in done.setdefault("trained", {}):
             missing = [part for part in FILES if not _is_of(config, output / FILES[part], done)]
@@ -85,14 +92,15 @@ def make(photos: Path, output: Path, method: str, budget: float | None) -> None:
                     if "poses" in missing:
                         shown.begin("poses", SAID["poses"])
                     Request(photos, capture).main()
-                _train(capture, folder, budget, began, done, shown)
+                _train(capture, output, method, budget, began, done, shown)
             for line in filter(None, _pages(find_run(config), output, done, shown)):
                 announce(line)
     announce(f"Done in {time_in_words(time.monotonic() - began)}.")
 
 
 def expected_seconds(photos: Path, method: str, budget: float | None) -> dict[str, float]:
-    """How long each part takes, before anything is timed on this machine: docs/results/speed.md."""
+    """How long each part takes, roughly, of so many photos of such a size, before anything is timed
+    on this machine: docs/results/speed.md."""
     settings, cuda = parse(method, []), torch.cuda.is_available()
     count, size = 100, (0.0, 0.0)
     if photos.is_dir():
@@ -128,16 +136,23 @@ def expected_seconds(photos: Path, method: str, budget: float | None) -> dict[st
     return seconds
 
 
+def _run_folder(output: Path, method: str) -> Path:
+    """Of the trained run; pages have the name of the folder that it lies in as their title."""
+    name = output.resolve().name.removeprefix("desplat-") or "scene"
+    return output / "training" / name / method / "run"
+
+
 def _train(
     capture: Path,
-    folder: Path,
+    output: Path,
+    method: str,
     budget: float | None,
     began: float,
     done: dict[str, Any],
     shown: Telling,
 ) -> None:
-    """Train on a capture to the end of the run in OUTPUT/training/NAME/METHOD/run."""
-    output, method, trained = folder.parents[3], folder.parent.name, done["trained"]
+    """Train a method on a capture to the end of its run, if it is not."""
+    folder, trained = _run_folder(output, method), done["trained"]
     if method in trained:
         if budget is not None and budget > (trained[method] or budget):
             announce(f"{folder} is trained to its end. To train longer, name another OUTPUT.")

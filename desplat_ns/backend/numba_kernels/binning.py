@@ -4,7 +4,6 @@ The lists come from a counting sort over the Gaussians in the order of (depth, i
 counts its entries per tile, the counts are summed up, then each chunk writes its own places.
 """
 
-from collections import namedtuple
 from typing import NamedTuple
 
 import numba
@@ -34,8 +33,14 @@ from desplat_ns.backend.numba_kernels.runtime import kernel, launch, part, piece
 CHUNK = 512
 """Gaussians that one worker bins at a time."""
 
-Grid = namedtuple("Grid", "width height tiles_x tiles_y")
-"""The image in pixels, and in tiles."""
+
+class Grid(NamedTuple):
+    """The image in tiles."""
+
+    width: int
+    height: int
+    tiles_x: int
+    tiles_y: int
 
 
 class Lists(NamedTuple):
@@ -48,14 +53,15 @@ class Lists(NamedTuple):
     first_slot: np.ndarray
     """[R + 1] rank r owns the slots first_slot[r] ... first_slot[r + 1] - 1 of `entries`."""
     first_entry: np.ndarray
-    """[tiles + 1] tile t has the entries first_entry[t] ... first_entry[t + 1] - 1, front first."""
+    """[tiles + 1] entries of tile t are first_entry[t] ... first_entry[t + 1] - 1, front to
+    back."""
     ranks: np.ndarray
     """[E] rank of the entry's Gaussian."""
     entries: np.ndarray
     """[E] the entries of rank 0, then those of rank 1, ..."""
     row_ranges: np.ndarray
-    """[2 * BLOCKS * E] rows to look at: first rows of all entries in block 0, end rows in block 0,
-    first rows in block 1, ..."""
+    """[2 * BLOCKS * E] rows of the tile to look at: first rows of all entries in block 0, end rows
+    in block 0, first rows in block 1, ..."""
 
 
 @part()
@@ -69,7 +75,8 @@ def _tiles(e, grid):
 
 @kernel(parallel=True)
 def _count(gaussians, ids, records, cutoff, grid, counts, sizes, outlines, counter, workers):
-    """Gather records and outlines; count entries by chunk and tile, and by rank, one place on."""
+    """Gather records and outlines; count entries per chunk and tile (`counts`) and per rank
+    (`sizes`, one place on)."""
     means2d, conics, depths, opacities, colors = gaussians
     for _ in numba.prange(workers):
         for chunk in pieces(counter, counts.shape[0]):

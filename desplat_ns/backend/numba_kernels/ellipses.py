@@ -18,7 +18,7 @@ tile.
 """
 
 import math
-from collections import namedtuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -59,12 +59,23 @@ _O1, _O2, _O3, _O4, _O5, _O6 = (np.uint64(BATCH * k) for k in range(1, 7))
 
 _ZERO = np.float32(0)
 
-Ellipse = namedtuple(
-    "Ellipse",
-    "mean_x mean_y slope_x slope_y extent_x extent_y root_x root_y bend_x bend_y top_x top_y",
-)
-"""left, right = -slope_x y -+ sqrt(root_x - bend_x y^2), |y| <= extent_y; right is largest at y =
-top_x. The same with x and y exchanged. All float64."""
+
+class Ellipse(NamedTuple):
+    """left, right = -slope_x y -+ sqrt(root_x - bend_x y^2), |y| <= extent_y; right is largest at
+    y = top_x. The same with x and y exchanged. All float64."""
+
+    mean_x: np.float64
+    mean_y: np.float64
+    slope_x: np.float64
+    slope_y: np.float64
+    extent_x: np.float64
+    extent_y: np.float64
+    root_x: np.float64
+    root_y: np.float64
+    bend_x: np.float64
+    bend_y: np.float64
+    top_x: np.float64
+    top_y: np.float64
 
 
 @part()
@@ -129,8 +140,11 @@ def tile_rows(e, grid):
 
 @part()
 def block_rows(s, number, left, low, high, row_ranges, first, end):
-    """Rows that the outlines gathered in `s` cover in one block of columns, in pairs: `shadow` for
-    vectors, without branches."""
+    """Rows that the gathered outlines cover in one block of columns, in pairs; `shadow` for
+    vectors.
+
+    The arrays in `s` are the numbers of an outline. Written without branches.
+    """
     near, far = np.float32(0.5), np.float32(BLOCK - 0.5)
     for k in range(np.uint64(number)):
         x, extent = left - s[k], s[k + _O3]

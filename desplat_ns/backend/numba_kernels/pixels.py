@@ -24,7 +24,7 @@ array of planes of float32 (no aliasing to rule out), indices are unsigned, exp 
 the loop is seen to take whole PAIRs of rows, so that it has no rest.
 """
 
-from collections import namedtuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -83,8 +83,13 @@ _LOOSE = {"reassoc", "contract", "nsz"}
 """Lets the compiler reorder the sums over pixels (which the loop needs to be vectorised); never
 used on what decides whether a Gaussian is drawn."""
 
-Limits = namedtuple("Limits", "alpha_max alpha_cutoff transmittance_min")
-"""The constants of backend/constants.py, float32, as arguments: measurements turn them."""
+
+class Limits(NamedTuple):
+    """The constants of backend/constants.py, as arguments: measurements turn them."""
+
+    alpha_max: np.float32
+    alpha_cutoff: np.float32
+    transmittance_min: np.float32
 
 
 @part()
@@ -157,7 +162,8 @@ def blend(s, records, base, place, start, stop, limits):
 
 @part(fastmath=_LOOSE, forceinline=True)
 def backward(s, records, base, place, start, stop, limits, sums):
-    """Step back over one Gaussian at pixels start ... stop - 1, which are PAIRs; its new `sums`.
+    """Step back over one Gaussian at pixels start ... stop - 1, which are PAIRs; add to its `sums`
+    and return them.
 
     One loop, although it takes more registers than there are without AVX-512: two or three shorter
     ones load and store more, and each ends in a branch that the processor guesses wrong.

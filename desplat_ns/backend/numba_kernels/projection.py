@@ -11,7 +11,7 @@ ones may hold anything, NaN included, and are left out where results are written
 culled Gaussians are 0, whatever comes back for them.
 """
 
-from collections import namedtuple
+from typing import NamedTuple
 
 import numba
 import numpy as np
@@ -49,9 +49,20 @@ _MOST, _UP = np.float32(projection.MAX_PIXELS), np.float32(1 + 4 * torch.finfo(t
 _LEAST_RATIO = np.float32(projection.COMPENSATION_MIN**2)
 _LEAST_NORM2 = np.float32(MIN_QUAT_NORM**2)
 
-Camera = namedtuple("Camera", "world focal center size slopes_low slopes_high reach antialiased")
-"""A view and the settings in float32: rows of [R | t], world to camera; pairs of x and y from the
-focal lengths to the largest slopes; `projection.REACH_SIGMAS`; 1 or 0."""
+
+class Camera(NamedTuple):
+    """A view and the settings, all float32."""
+
+    world: tuple[tuple[np.float32, ...], ...]
+    """Rows of [R | t], world to camera."""
+    focal: tuple[np.float32, ...]
+    center: tuple[np.float32, ...]
+    size: tuple[np.float32, ...]
+    slopes_low: tuple[np.float32, ...]
+    slopes_high: tuple[np.float32, ...]
+    reach: np.float32
+    antialiased: np.float32
+    """1 or 0."""
 
 
 @part()
@@ -352,7 +363,8 @@ def _backward(parameters, pulled, gradients, radii, numbers, counter, workers):
 
 
 class Project(torch.autograd.Function):
-    """(means, quats, scales, opacities, camera, drawable or None) -> `ProjectedSplats`' shapes."""
+    """(means, quats, scales, opacities, camera, which may be drawn or None) -> means2d, conics,
+    depths, opacities, radii."""
 
     @staticmethod
     def forward(ctx, means, quats, scales, opacities, camera, drawable=None):  # type: ignore[override]

@@ -1,8 +1,8 @@
 """How kernels are compiled and launched: the cache, threads, and three instructions numba lacks.
 
-- Compiled kernels are kept in a folder for each state of sources, numba, Python and processor, so
-  that one whose callee changed is never loaded. Two other processes compile them, each in one
-  order, before the first launch; all that work load them.
+- Compiled kernels are kept in a folder of their own for each state of their sources, numba, Python
+  and processor (`FOLDER`), so that a kernel whose callee changed is never loaded. Two other
+  processes compile them, each in one order, before the first launch; all that work load them.
 - A kernel loops over its workers with `prange`; each takes its next piece of work from a shared
   counter (`pieces`), which balances the load where tiles, or cores, are unequal. Which worker does
   a piece never changes its result, so the same bits come out for any number of threads.
@@ -53,7 +53,9 @@ compiles_here = False
 
 def _key() -> str:
     """What compiled kernels depend on: all sources of the backends, which have constants of theirs.
-    numba by itself looks at the kernel's own file alone, before 0.68 at the time of its change."""
+    (numba keeps a kernel for as long as its own file stays the same: before 0.68 the time of its
+    last change.)
+    """
     context: Any = cpu_target.target_context
     processor = context.codegen().magic_tuple()
     state = hashlib.sha256(f"{numba.__version__} {sys.version} {processor}".encode())
@@ -81,17 +83,27 @@ FOLDER = _folder()
 """Of the compiled kernels."""
 
 
-# numba would take OpenMP before workqueue; GNU OpenMP ends a process that forks after its first
-# parallel region, as data loaders do, and its threads spin beside torch's.
-_LAYERS = {"NUMBA_THREADING_LAYER", "NUMBA_THREADING_LAYER_PRIORITY"}
-if not _LAYERS & os.environ.keys() and importlib.util.find_spec("tbb") is None:
-    numba_config.THREADING_LAYER_PRIORITY = ["workqueue", "omp", "tbb"]
+def _prefer_safe_threads() -> None:
+    """Choose tbb, else workqueue, unless the user has chosen.
+
+    numba would take OpenMP before workqueue; GNU OpenMP ends a process that forks after its first
+    parallel region, as data loaders do, and its threads spin beside torch's.
+    """
+    asked = {"NUMBA_THREADING_LAYER", "NUMBA_THREADING_LAYER_PRIORITY"} & os.environ.keys()
+    if not asked and importlib.util.find_spec("tbb") is None:
+        numba_config.THREADING_LAYER_PRIORITY = ["workqueue", "omp", "tbb"]
+
+
+_prefer_safe_threads()
 
 
 def _keep_freed_memory() -> None:
-    """Have glibc keep what a step frees for the next one. It would give blocks above 32 MiB back,
-    and the system clear them again, one thread at a time: a tenth to a fifth of a step with 200,000
-    Gaussians at 1200 x 800. What the user has set stays, and so does another allocator."""
+    """Have glibc keep what a step frees for the next one, which asks for as much.
+
+    It would give blocks above 32 MiB back at once, and the system map and clear them again page by
+    page, one thread at a time: a tenth to a fifth of a step with 200,000 Gaussians at 1200 x 800.
+    What the user has set stays, and so does another allocator.
+    """
     if any(name.startswith("MALLOC_") for name in os.environ) or "GLIBC_TUNABLES" in os.environ:
         return
     with suppress(OSError, AttributeError, TypeError):  # no glibc
@@ -142,9 +154,12 @@ def prepare() -> None:
 
 
 def have_compiled() -> None:
-    """Have all kernels compiled into `FOLDER`, unless they are there. Other processes do it: of the
-    loop that `prange` splits off, one that compiles would go on with the copy from before the last
-    optimization, which is slower and rounds differently."""
+    """Have all kernels compiled into `FOLDER`, unless they are there. It takes half a minute.
+
+    Other processes do it: one that compiled kernels would go on with others than those it keeps.
+    Of the loop that `prange` splits off it takes the copy from before the last optimization, which
+    is slower and rounds differently.
+    """
     try:
         if FOLDER is None:
             raise OSError("no folder can be written; NUMBA_CACHE_DIR names another")

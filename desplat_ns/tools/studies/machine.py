@@ -6,8 +6,6 @@ import re
 import subprocess
 from pathlib import Path
 
-import torch
-
 import desplat_ns
 
 DIRTY = "-dirty"
@@ -15,8 +13,8 @@ DIRTY = "-dirty"
 
 
 def code_version(package: Path = Path(desplat_ns.__file__).parent) -> str:
-    """The commit of a package's folder, with `DIRTY` where a file there was changed or added;
-    `desplat-ns` and the version where git does not track the package."""
+    """The commit of a package's folder, with `DIRTY` behind it where a file there was changed or
+    added; `desplat-ns` and the version where git does not track the package."""
 
     def git(*arguments: str) -> str:
         line = ["git", "-C", str(package), *arguments]
@@ -44,7 +42,11 @@ def today() -> str:
 
 def device_name(device: str) -> str:
     """The name of the GPU `cuda:N`, or of the processor for any other torch device."""
-    return torch.cuda.get_device_name(device) if device.startswith("cuda") else processor()
+    if not device.startswith("cuda"):
+        return processor()
+    import torch
+
+    return torch.cuda.get_device_name(device)
 
 
 def processor() -> str:
