@@ -49,7 +49,7 @@ def load_run(files: RunFiles, needs_photos: bool = True) -> LoadedRun:
     """Load a run as nerfstudio's `eval_setup` does. Without `needs_photos` the training cameras are
     the checkpoint's, if it has them, and the capture is not looked for. Raises CaptureError where
     that cannot be read any more, CheckpointError where no checkpoint is intact or of this run,
-    ConfigError where another version wrote config.yml."""
+    ConfigError where another version wrote config.yml, or it names what no run needs."""
     try:
         config: Any = yaml.load(files.config.read_text("utf8"), Loader=RunLoader)
         config.relative_model_dir = files.checkpoints

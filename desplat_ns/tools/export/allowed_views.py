@@ -15,12 +15,14 @@ from desplat_ns.cameras.near_plane import scene_start, stands_clear
 from desplat_ns.cameras.views import view_of, views_of
 
 NEIGHBOURS = 3
-"""Of each camera. On a path it has two; over a surface three lead from any to all around it."""
+"""Of each camera. Along a path a camera has two; of cameras spread over a surface three are enough
+to go on from any to all around it."""
 
 
 def neighbours(poses: Float[Tensor, "V 3 4"]) -> list[tuple[int, int]]:
     """Pairs (i, j), i < j, of cameras, given camera to world, of which one is among the other's
-    nearest `NEIGHBOURS` whose optical axis is less than a right angle from its own."""
+    nearest `NEIGHBOURS`. Only those count whose optical axes are less than a right angle apart:
+    between two that look elsewhere nobody looked."""
     places, axes = poses[:, :, 3].double(), poses[:, :, 2].double()
     apart = torch.cdist(places, places).masked_fill(axes @ axes.T <= 0, torch.inf)
     apart.fill_diagonal_(torch.inf)
@@ -32,7 +34,8 @@ def neighbours(poses: Float[Tensor, "V 3 4"]) -> list[tuple[int, int]]:
 
 
 def allowed_views(cameras: Cameras) -> Iterator[View]:
-    """The views of cameras [V], then those half-way between neighbours, with the lens of one."""
+    """The views of all training cameras, shape [V], then those half-way between neighbours, with
+    the lens of one."""
     yield from views_of(cameras)
     poses = cameras.camera_to_worlds
     for i, j in neighbours(poses):
@@ -45,8 +48,14 @@ def allowed_views(cameras: Cameras) -> Iterator[View]:
 def seen_by_any(
     splats: Splats, views: Iterable[View], points: Float[Tensor, "P 3"] | None, near_plane: float
 ) -> Bool[Tensor, " N"]:
-    """Which Gaussians some view shows: they reach into its image and lie beyond its near plane, a
-    share of the depth at which `points`, if any, start there. What stands before does not count."""
+    """Which Gaussians some view shows: they reach into its image and lie beyond its near plane.
+
+    What stands before them does not count: it may be gone in a view beside.
+
+    Args:
+        points: of the reconstruction; without them nothing is too near.
+        near_plane: of each view, as a share of the depth at which the scene starts there.
+    """
     unseen = torch.arange(len(splats.means), device=splats.means.device)
     for view in views:
         if len(unseen) == 0:

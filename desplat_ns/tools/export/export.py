@@ -36,12 +36,13 @@ from desplat_ns.training.pipeline import DeSplatPipeline
 
 WRITERS = {".ply": ply_bytes, ".spz": spz_bytes}
 MOST_CROP_VIEWS, SIDE, COVERED = 100, 64, 0.5
-"""To find how far cameras look: views at most, pixels of a rendering's longer side, and the opacity
-from which a pixel has a depth."""
+"""To find how far cameras look: training views at most, pixels of the longer side of a rendering,
+and the opacity from which a pixel shows something at a depth."""
 
 
 def export_splats(files: RunFiles, asked: Splats) -> None:
-    """Write a run's static Gaussians, and say what is in. Raises as `load_run`, `static_cloud`."""
+    """Write the static Gaussians of a run; say how many, how large, and what was left out. Raises
+    as `load_run`, `static_cloud`."""
     output, ending = asked.output, format_of(asked.output)
     pipeline = load_run(files, needs_photos=False).pipeline
     cloud, _ = static_cloud(pipeline, asked.crop, asked.light)

@@ -1,6 +1,7 @@
-"""The formats of splats by the ending of the file's name, and the choices of `desplat-export`. To
-add one: a function from a `SplatCloud` to bytes, entered here and in `export.WRITERS`; what reads
-it back in a test must share no code with it."""
+"""The formats of splats by the ending of the file's name, and the choices of `desplat-export`.
+
+To add one, write a function from a `SplatCloud` to the file's bytes and enter it here and in
+`export.WRITERS`; what reads it back in a test must share no code with it."""
 
 from pathlib import Path
 from typing import Literal

@@ -39,8 +39,8 @@ CRITERIA = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 50, 1e-9)
 
 
 def export_masks(files: RunFiles, asked: Masks) -> None:
-    """Write distractor masks of photos as PNG. Raises as `load_run`, `photos_on_disk` and
-    `others_for_training`; ConfigError where the run has no distractors."""
+    """Write distractor masks of photos as PNG, at the photo's full size. Raises as `load_run`,
+    `photos_on_disk` and `others_for_training`; ConfigError where the run has no distractors."""
     pipeline, output = load_run(files).pipeline, asked.output
     model, manager = pipeline.model, pipeline.datamanager
     if model.distractors is None:
@@ -77,8 +77,9 @@ def export_masks(files: RunFiles, asked: Masks) -> None:
 def photos_on_disk(
     manager: DeSplatDataManager, originals: Path | None = None
 ) -> Iterator[tuple[str, Cameras]]:
-    """Of each training photo: its path below the photos' folder, and the camera [1] at its full
-    size, with distortion; or of the `originals` in a folder. Raises CaptureError of a lost one."""
+    """Of each training photo, in the order of the views: its path below the photos' folder, and the
+    camera [1] at its full size, with its distortion. With the folder that `desplat-process` was
+    given, of the `originals` in it. Raises CaptureError of a lost photo."""
     outputs, parser = manager.train_dataparser_outputs, manager.dataparser
     cameras, paths = outputs.cameras, outputs.image_filenames
     names = image_names(paths)
@@ -105,7 +106,8 @@ def photos_on_disk(
 
 
 def _before_undistortion(data: Path, frames: Sequence[Frame]) -> list[Frame]:
-    """Photos as `desplat-process` read them. Raises CaptureError where the capture lacks them."""
+    """Photos of a capture as `desplat-process` read them. Raises CaptureError where the capture
+    does not say how they were bent."""
     if not (data / ORIGINALS).is_dir():
         raise CaptureError(
             f"{data} has no {ORIGINALS}/, which `desplat-process` writes. Leave out --originals, "
@@ -129,7 +131,8 @@ def others_for_training(manager: DeSplatDataManager) -> tuple[list[Frame], list[
 
 
 def mask_names(photos: Sequence[str], naming: Naming) -> list[str]:
-    """Paths of photos' masks, by the photos'. Raises ConfigError where two would have the same."""
+    """Paths of photos' masks below the masks' folder, from the photos' below theirs. Raises
+    ConfigError where two photos would have the same mask."""
     if naming == "colmap":
         return [f"{photo}.png" for photo in photos]
     names = [str(PurePosixPath(photo).with_suffix(".png")) for photo in photos]
@@ -179,7 +182,8 @@ def _slopes(camera: Cameras) -> Float[np.ndarray, "H W 2"]:
 
 @torch.no_grad()
 def distractor_mask(model: DeSplatModel, index: int, camera: Cameras) -> Bool[np.ndarray, "H W"]:
-    """Where the distractors of a training view cover the photo of a camera [1] (App. C.1)."""
+    """Where the distractors of a training view cover its photo, which a camera [1] took, above the
+    threshold of all masks (App. C.1)."""
     pinhole, to_photo = pinhole_of(camera)
     drawn = model.draw_distractors(index, model.view_of_camera(pinhole.to(model.device), index))
     if drawn is None:

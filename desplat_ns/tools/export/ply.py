@@ -12,8 +12,11 @@ OPAQUE = 1 - 2.0**-24
 
 
 def ply_bytes(cloud: SplatCloud) -> bytes:
-    """A binary PLY of float32, as 3DGS writes it: normals 0, logarithms of scales, logits of
-    opacities, quaternions wxyz, and of f_rest all of red first, then green, then blue."""
+    """A binary PLY: x, y, z, normals (0), f_dc, f_rest, opacity, scale, rot; all float32.
+
+    As 3DGS has them: logarithms of scales, logits of opacities, quaternions wxyz, and of f_rest all
+    of red first, then green, then blue.
+    """
     rest = cloud.harmonics[:, 1:].transpose(0, 2, 1).reshape(len(cloud), -1)
     p = np.clip(cloud.opacities.astype(np.float64), np.finfo(np.float32).tiny, OPAQUE)
     parts = {

@@ -24,12 +24,14 @@ MAX_DEGREE = 3
 TOO_WIDE = math.exp(MAX_LOG_SCALE) / 2
 """World units. Wider Gaussians are culled in every view."""
 OFF_BY = 1 / 32
-"""Of its scale, by which a Gaussian's place may be off along an axis: as far as SPZ's rounding of
-the scale's logarithm moves its edge. Finer places gain nothing (docs/results/quality.md)."""
+"""Of its scale, by which a Gaussian's place may be off along an axis: as far as the rounding of the
+scale in SPZ, by 1/32 of its logarithm, moves the Gaussian's edge. Coarser places cost more than all
+other rounding, finer ones gain nothing (docs/results/quality.md)."""
 PRECISE = 0.9
-"""Of the Gaussians in place so well, by their middle scale: nobody sees the smallest of a disc."""
+"""Of the Gaussians, so many are to be in place so well, by the middle one of their three scales:
+nobody sees where along the smallest one a disc lies."""
 FAR = 0.01
-"""Of the Gaussians may lie too far away for that: more are a part of the scene."""
+"""Of the Gaussians, so many may lie too far away for that: more are a part of the scene."""
 
 
 @dataclass(frozen=True)
@@ -78,11 +80,13 @@ def shown_anywhere(splats: Splats) -> Bool[Tensor, " N"]:
 
 
 def baked(splats: Splats, antialiased: bool) -> SplatCloud:
-    """The Gaussians that are `shown_anywhere`, as a file holds them. Raises ConfigError of none."""
+    """Gaussians of a model, activated, with the colours of one light, as a file holds them: those
+    that are `shown_anywhere`. Raises ConfigError where that is none."""
     shown = shown_anywhere(splats)
     if not shown.any():
         raise ConfigError(
-            "No training camera shows static Gaussians. Train longer, or take an older checkpoint."
+            "No training camera shows any of the static Gaussians: there is nothing to export. "
+            "Train longer, or take an earlier checkpoint."
         )
     splats = splats.rows(shown)
     quats = torch.nn.functional.normalize(splats.quats, dim=-1)
@@ -112,10 +116,13 @@ class Similarity:
 def similarity_to(
     frame: FrameName, transform: Float[np.ndarray, "3 4"], scale: float, upright_axes: Axes
 ) -> Similarity:
-    """From the coordinates of training to those of a file. training: as it is. upright: the
-    capture's scale, the scene's up as the file's, the origin of training. capture: the capture's
-    own. `transform`, then `scale`, are the dataparser's, from there to training; `upright_axes`
-    lead from nerfstudio's axes (z up) to the file's."""
+    """From the coordinates of training to those of a file.
+
+    training: as it is. upright: the capture's scale, the scene's up as the file's up, the origin of
+    training. capture: the capture's own coordinates, to lay over its points. `transform` and then
+    `scale` are the dataparser's, from there to training; `upright_axes` lead from nerfstudio's axes
+    (z up) to the file's.
+    """
     if frame == "training":
         return Similarity(np.eye(3), 1.0, np.zeros(3))
     matrix = np.asarray(transform, np.float64)
@@ -139,8 +146,9 @@ def near_zero(cloud: SplatCloud) -> SplatCloud:
 
 
 def moved(cloud: SplatCloud, by: Similarity) -> SplatCloud:
-    """The same scene in other coordinates. An ellipsoid is its own mirror image through its centre,
-    so a reflection turns it as the turn of opposite sign does."""
+    """The same scene in other coordinates: what a camera that moves along sees does not change. An
+    ellipsoid is its own mirror image through its centre, so a reflection turns it as the turn of
+    opposite sign does."""
     w, x, y, z = quaternion_from_matrix(by.turn * np.sign(np.linalg.det(by.turn)))
     product = np.array([[w, -x, -y, -z], [x, w, -z, y], [y, z, w, -x], [z, -y, x, w]])
     quats = cloud.quats @ product.T
@@ -158,8 +166,8 @@ def turned_harmonics(
     harmonics: Float[np.ndarray, "N K 3"], turn: Float[np.ndarray, "3 3"]
 ) -> Float[np.ndarray, "N K 3"]:
     """Coefficients c' with sum_k c'_k Y_k(turn d) = sum_k c_k Y_k(d) for every direction d. A turn
-    mixes the harmonics linearly: the matrix is solved for, in float64, from more directions than
-    harmonics, a Fibonacci lattice on the sphere."""
+    mixes the harmonics linearly: the mixing matrix is solved for from more directions, which spread
+    over the sphere as a Fibonacci lattice, than there are harmonics, in float64."""
     degree = round(harmonics.shape[1] ** 0.5) - 1
     if degree == 0:
         return harmonics

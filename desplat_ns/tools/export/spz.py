@@ -1,7 +1,8 @@
 """Gaussians as SPZ, version 3: a gzipped stream of quantized attributes, an eighth of a PLY.
 
-Source: nianticlabs/spz. Written here because the packages that PyPI has fix the positions'
-precision, or drop the mark of antialiased training. Letters in shapes: N Gaussians, K bases.
+Source: the format's description and reference implementation, nianticlabs/spz. Written here
+because the packages that PyPI has fix the positions' precision, or drop the mark of antialiased
+training. Letters in shapes: N Gaussians, K spherical-harmonics bases.
 """
 
 import gzip
@@ -23,14 +24,19 @@ COLOR_SCALE = 0.15
 """Of zeroth coefficients, so that colours somewhat beyond [0, 1] fit into a byte."""
 SH_STEPS = (2, 4)
 """Of 128ths, for degree one and those above: 7 and 6 bits. The reference implementation's 5 and 4
-make a file a third smaller, and of short runs 33 dB of 50 (docs/results/quality.md)."""
+make a file a third smaller and, where harmonics are small as in short runs, 33 dB of 50
+(docs/results/quality.md); readers need not be told."""
 
 
 def spz_bytes(cloud: SplatCloud) -> bytes:
-    """The file. Largest errors: of a coordinate the larger of 2^-21 and 1.2e-7 (1 / LARGEST) of the
-    largest one; 1/32 of a scale's logarithm (between e^-10 and e^5.9), 1/510 of an opacity, 1/76 of
-    a zeroth coefficient (within 3.3), 1/64 of the others (of degree one 1/128; within 1). Raises
-    ConfigError where coordinates are too large for the format."""
+    """The file.
+
+    Largest errors: of a coordinate half a step, 2^-bits / 2 (see `fractional_bits`): the larger of
+    2^-21 and 1.2e-7 (1 / LARGEST) of the largest coordinate. 1/32 of a scale's logarithm (between
+    e^-10 and e^5.9), 1/510 of an opacity, 1/76 of a zeroth coefficient (within 3.3), 1/64 of the
+    others (of degree one 1/128; within 1). How large that is beside Gaussians: see `placed`. Raises
+    ConfigError where coordinates are too large for the format.
+    """
     farthest = float(np.abs(cloud.means).max(initial=0.0))
     bits = fractional_bits(farthest)
     if bits < 0:
@@ -54,16 +60,17 @@ def spz_bytes(cloud: SplatCloud) -> bytes:
 
 
 def color_bytes(cloud: SplatCloud) -> UInt8[np.ndarray, " B"]:
-    """A file's bytes, unpacked, that depend on the light: all zeroth coefficients, then the others,
-    as they follow one another there. B = 3 N K."""
+    """The bytes of a file, unpacked, that depend on the light: zeroth coefficients of all
+    Gaussians, then the others, as they follow one another there. B = 3 N K."""
     return np.concatenate([_zeroth(cloud).ravel(), _others(cloud).ravel()])
 
 
 def placed(cloud: SplatCloud) -> tuple[Bool[np.ndarray, " N"], str]:
     """For which Gaussians a file has places that are precise enough, and what to tell a user, if
     there is something. Those beyond LARGEST / 2^bits are left out, at most a share `FAR` of all:
-    one that floats far away would coarsen all the others. A place is off by 2^-bits / 2 at most: by
-    `OFF_BY` of the cloud's `size` s, or less, from bits = ceil(log2(1 / (2 OFF_BY s))) on."""
+    one that floats far away would coarsen all the others. A place is rounded to a multiple of
+    2^-bits, so it is off by 2^-bits / 2 at most: by `OFF_BY` of the cloud's `size` s, or less, from
+    bits = ceil(log2(1 / (2 OFF_BY s))) on."""
     reach = np.abs(cloud.means).max(axis=1)
     needed = math.ceil(-math.log2(2 * OFF_BY * cloud.size))
     with_all = fractional_bits(reach.max())

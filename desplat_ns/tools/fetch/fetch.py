@@ -21,8 +21,9 @@ MEGABYTE = 10**6
 
 
 def fetch(source: Source, folder: Path) -> list[Path]:
-    """Download and unpack what is missing of a data set into its own folder in `folder`; its
-    captures. Raises as `download`, `unpack`, `only_process_in`, CaptureError without captures."""
+    """Download and unpack what is not there into the data set's own folder, which is made in
+    `folder`; the folders of its captures. What was begun is gone on with. Raises as `download` and
+    `unpack`, CaptureError where there is no capture in it, ConfigError as `only_process_in`."""
     home = folder / source.folder
     with only_process_in(home):
         for address in source.files:
@@ -55,10 +56,10 @@ def _fetch_file(address: str, home: Path) -> None:
 
 
 def unpack(archive: Path, folder: Path) -> None:
-    """Unpack a `.zip`, or a `.tar` of any compression, into a folder alone, beside what is there,
-    as a whole; without the level of a single folder of this folder's name. Raises CaptureError
-    where it is damaged or would write elsewhere, the disk is full, or some of it is there already.
-    """
+    """Unpack a `.zip`, or a `.tar` of any compression, into a folder, beside what is in it: nothing
+    goes elsewhere, and nothing is seen before all of it is there. Where all of it lies in one
+    folder of this folder's name, that level is left out. Raises CaptureError where it is damaged or
+    would write elsewhere, the disk is full, or something of it is there already."""
     unpacked = folder / f".{archive.name}.unpacking"
     shutil.rmtree(unpacked, ignore_errors=True)
     try:
@@ -99,9 +100,9 @@ def _extract(archive: Path, folder: Path) -> None:
 
 
 def download(address: str, target: Path, progress: Callable[[int, int], None]) -> None:
-    """Fetch a file, or the rest of it: `NAME.part` until it is whole. `progress` takes megabytes
-    that are there, and in all. Raises CaptureError where the server cannot be reached or has no
-    such file, ConfigError where the disk will not hold it."""
+    """Fetch a file into a folder; until it is whole it is called `NAME.part`, and what is there of
+    it is kept. `progress` takes megabytes that are there, and in all. Raises CaptureError where the
+    server cannot be reached or has no such file, ConfigError where the disk will not hold it."""
     part = target.with_name(f"{target.name}.part")
     for attempt in range(1, ATTEMPTS + 1):
         try:

@@ -1,4 +1,5 @@
-"""Where the paper's data sets lie. Sizes and checksums are not published."""
+"""Where the paper's data sets lie; their pages say what may be done with them. Sizes and checksums
+are not published."""
 
 from dataclasses import dataclass
 
@@ -62,3 +63,4 @@ SOURCES: dict[str, Source] = {
     "sacre-coeur": _photo_tourism("Sacre Coeur", "sacre_coeur", "sacre"),
     "trevi-fountain": _photo_tourism("Trevi Fountain", "trevi_fountain", "trevi"),
 }
+"""By the name that is typed."""

@@ -1,4 +1,6 @@
-"""Photos as they are processed: upright, 8 bit, of a sensible size; their masks and cameras."""
+"""Photos as they are processed: upright, 8 bit, of a sensible size; their masks and cameras.
+
+Letters in shapes: H x W pixels."""
 
 import hashlib
 import re
@@ -77,8 +79,9 @@ def numbered(sources: Sequence[str]) -> list[Photo]:
 def prepare_photos(
     folder: Path, sources: Sequence[str], copies: Path, longest_side: int
 ) -> list[Photo]:
-    """Copy all photos to `copies`, reduced to `longest_side`, and their alpha to `masks` beside it
-    (COPY.png); of each what was seen. Raises OSError where a copy cannot be written."""
+    """Copy all photos to `copies` and their alpha to `masks` beside it (COPY.png), and say of each
+    what was seen. A second call writes the same. Photos with more pixels on a side than
+    `longest_side` are reduced by area. Raises OSError where a copy cannot be written."""
     copies.mkdir(parents=True, exist_ok=True)
     photos, first = [], dict[str, str]()
     with ThreadPoolExecutor(cores()) as pool, progress_over(len(sources), "Photos") as advance:
@@ -139,8 +142,9 @@ def check_projection(path: Path, image: UInt8[np.ndarray, "H W C"]) -> None:
 
 
 def wraps_around(small: Float32[np.ndarray, "256 512 3"]) -> bool:
-    """Whether left and right edge continue each other in their details, clipped where one thing
-    stands out, and the top and bottom row, each one point of a sphere, vary less than others."""
+    """Whether left and right edge continue each other in their details, and the top and the bottom
+    row, each one point of a sphere, vary less than others. What stands out is clipped: a table
+    that both edges show at one height is no evidence."""
     edges = small[:, [0, -1]]
     details = (edges - cv2.blur(edges, (1, 15))).transpose(1, 0, 2).reshape(2, -1)
     most = np.quantile(np.abs(details), 0.75, axis=1, keepdims=True)
@@ -160,9 +164,13 @@ def shows_two_circles(small: Float32[np.ndarray, "256 512 3"]) -> bool:
 
 def prepare_masks(mask: Path, photos: Sequence[Photo], copies: Path) -> int:
     """Blacken COPY.png in `copies` for each photo that has a mask: where no feature may be, as on a
-    watermark, a dashboard or a selfie stick. Says how many have one. `mask`: a picture for all, or
-    a folder with one for each, as `a.png` or `a.jpg.png` for `a.jpg`, in a folder as the photo's or
-    in none. Raises CaptureError where none has one, or one of another shape, or one is damaged."""
+    watermark, a dashboard or a selfie stick. Says how many have one. Raises CaptureError where none
+    has one, or one has another shape than its photo, or cannot be read.
+
+    Args:
+        mask: a picture for all photos, or a folder with one for each, named as the photo, with any
+            ending (`a.png` or `a.jpg.png` for `a.jpg`), in a folder as the photo's or in none.
+    """
     names = photo_names(mask)
     masks = {str(PurePosixPath(name).with_suffix("")).lower(): mask / name for name in names}
     count = 0
@@ -191,9 +199,12 @@ def prepare_masks(mask: Path, photos: Sequence[Photo], copies: Path) -> int:
 
 
 def group_by_camera(photos: Sequence[Photo], cameras: Cameras) -> list[list[Photo]]:
-    """Photos of one camera each, by which focal length and distortion are found: of the same size,
-    folder, make, model, lens and focal length; where EXIF does not say, of one size, unless sizes
-    are as mixed as those of photos of many people. Never of two sizes, whatever `cameras` asks."""
+    """Photos of one camera each: focal length and distortion are found for them together.
+
+    Photos share one if they have the same size, folder, make, model, lens and focal length. Where
+    EXIF does not say, they share one by size, unless sizes are as mixed as those of photos of
+    many people. `cameras` may ask for fewer or more, but photos of different sizes never share one.
+    """
     without = [photo for photo in photos if not photo.camera]
     sizes = {(photo.width, photo.height) for photo in without}
     many_people = len(sizes) > max(2, len(without) / 3)

@@ -40,9 +40,10 @@ FEW_FEATURES = 0.1
 
 
 def process(request: Request, names: Sequence[str]) -> None:
-    """Make the capture of photos of these names, or a video, or go on with it. Raises ConfigError
-    where the output folder will not do, the disk is full, or pycolmap failed, and keeps what is
-    done; CaptureError where photos are too few or nothing ties them together: nothing is left."""
+    """Make the capture of photos of these names below their folder, or of a video, or go on where
+    an earlier call stopped; says what came out. Raises ConfigError where the output folder will not
+    do, the disk is full, or pycolmap failed, and keeps what is done; CaptureError where too few
+    photos can be used, or nothing ties them together, and leaves nothing."""
     output, asked = request.output, {"PHOTOS": str(request.photos.resolve())}
     for name in ("longest_side", "cameras", "camera_model", "mask", "frames"):
         asked[option_of(name)] = str(getattr(request, name))
@@ -74,8 +75,9 @@ def process(request: Request, names: Sequence[str]) -> None:
 
 
 def is_made(output: Path, asked: Mapping[str, str]) -> bool:
-    """Whether the capture is there; in a new folder the record is begun. `asked`: options, and
-    sources with their sizes. Raises ConfigError where something else lies or is made there."""
+    """Whether the capture is there. In a new folder the record is begun; in one with a record, a
+    call with the same photos and options was at work. `asked`: options, and sources with their
+    sizes. Raises ConfigError where something else lies there, or others were processed there."""
     record = begun_record(output / RECORD, {"asked": dict(asked)})
     had = record["asked"]
     if changes := [name for name in {**asked, **had} if had.get(name) != asked.get(name)]:
@@ -110,8 +112,8 @@ def _make(request: Request, names: Sequence[str]) -> dict[str, Any]:
 
 
 def _usable_photos(request: Request, names: Sequence[str]) -> list[Photo]:
-    """Copy the photos, or a video's frames; those that can be used. Raises CaptureError where fewer
-    than `MIN_PHOTOS` are left, or the video's camera stands still."""
+    """Copy the photos, or the frames of a video, and say which cannot be used. Raises CaptureError
+    where fewer than `MIN_PHOTOS` are left, or the video's camera stands still."""
     work, folder = request.output / "work", request.photos
     if request.is_video:
         folder = work / "frames"
@@ -136,7 +138,8 @@ def _usable_photos(request: Request, names: Sequence[str]) -> list[Photo]:
 
 
 def _best_attempt(request: Request, photos: Sequence[Photo]) -> Attempt:
-    """Of the plain way, without EXIF's focal lengths, and the thorough one, as far as needed."""
+    """The plain way; where it falls short also without EXIF's focal lengths, then the thorough one;
+    or what was asked for. Whichever has the best score."""
     cameras = group_by_camera(photos, request.cameras)
     announce(f"{len(photos)} photos, {len(cameras)} camera{'s' if len(cameras) > 1 else ''}.")
     if request.mask is not None:
@@ -175,7 +178,8 @@ def shortfall(attempt: Attempt, of: int) -> str:
 
 
 def left_out(photos: Sequence[Photo], attempt: Attempt) -> dict[str, list[str]]:
-    """Probable reasons why photos are not in the first model, each with the sources of its own."""
+    """The probable reasons why photos are not in the first model, as far as features, matches and
+    sharpness tell, each with the sources that it holds for."""
     posed = set(attempt.first.photos)
     usual = [photo for photo in photos if photo.copy in posed or not posed]
     sharp = BLURRED * median(photo.sharpness for photo in usual)

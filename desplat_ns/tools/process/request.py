@@ -71,8 +71,8 @@ class Request:
 
 
 def find_photos(photos: Path, output: Path, mask: Path | None = None) -> list[str]:
-    """The photos in a folder and below, sorted, without `output`, `mask` and masks, which are told.
-    Raises CaptureError where they are fewer than `MIN_PHOTOS`."""
+    """The photos in a folder and below, as sorted paths; not what lies in `output` or `mask`, nor
+    masks, which are told. Raises CaptureError where they are fewer than `MIN_PHOTOS`."""
     if not photos.is_dir():
         raise CaptureError(f"There is no '{photos}'. Name a folder of photos, or a video.")
     out, mask = output.resolve(), mask and mask.resolve()
@@ -98,7 +98,8 @@ def find_photos(photos: Path, output: Path, mask: Path | None = None) -> list[st
         )
     if broken := [t for name in names if (t := text_of(name)) != name or min(name) < " "]:
         raise CaptureError(
-            f"Rename files of {photos} whose names are no plain text: {list_names(broken, 5)}."
+            f"{len(broken)} names in {photos} are no plain text: {list_names(broken, 5)}. Rename "
+            "these files."
         )
     if len(names) >= MIN_PHOTOS:
         begin_folder(photos, files)

@@ -1,5 +1,7 @@
-"""Frames of a video that are worth processing: the sharpest ones, at even distances, by how far the
-picture moves in shares of its width, so that a camera that rests adds nothing."""
+"""Frames of a video that are worth processing: the sharpest ones, at even distances.
+
+Distance is how far the picture moves, in shares of its width, so that a camera that rests adds
+nothing. Letters in shapes: H x W pixels."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -17,15 +19,18 @@ from desplat_ns.tools.process.request import MIN_PHOTOS
 LOOKED_AT = (320, 180)
 """Pixels in width and height at which all frames are looked at, whatever their shape."""
 STEP = 0.02
-"""Of the width: moved that far, motion is measured anew. Noise and compression move it less."""
+"""Of the width: when the picture has moved that far, the motion is measured from there on. Noise
+and compression move it less."""
 LEAST_GAP = 0.04
 """Of the width between frames that are taken: nearer ones show the same."""
 COARSE, LOST, FAR = 4.0, 0.5, 0.1
-"""Pixels by which frames are blurred; the difference that optical flow leaves, in standard
-deviations of the first, from which on it found nothing (0.16 at most of a shaken frame, 0.8 to 2.6
-between frames a second's walk apart); and what the picture is taken to have moved by then."""
+"""Difference that the optical flow leaves between frames that are blurred by so many pixels, in
+standard deviations of the first, from which on it found nothing: 0.01 to 0.02 where the picture
+moved by 0.04 of its width or less, 0.16 at most where one frame is shaken, 0.8 to 2.6 between
+frames that are a second's walk apart. And what it is taken to have moved by then."""
 TEXTURED = 0.8
-"""Quantile of the texture above which motion is seen: a plain wall behind an object shows none."""
+"""Quantile of the texture: motion is seen in the fifth of the pixels above it. A plain wall behind
+an object shows none."""
 
 
 @dataclass(frozen=True)
@@ -39,8 +44,9 @@ class Frame:
 
 
 def take_frames(video: Path, folder: Path, most: int) -> list[str]:
-    """Write the chosen frames to `folder` as PNG with square pixels, unless it is there; their
-    names. Raises CaptureError where the video cannot be read, or its camera does not move."""
+    """Write the chosen frames to `folder` as PNG, unless it is there already, whole or not at all;
+    their names, in the video's order. Pixels become square by their longer side. Raises
+    CaptureError where the video cannot be read, or its camera does not move."""
     if not folder.is_dir():
         seen = look_at(video)
         chosen = choose(seen, most)

@@ -1,4 +1,6 @@
-"""What a trained model shows: training photos taken apart, held-out photos beside renderings."""
+"""What a trained model shows: training photos taken apart, held-out photos beside renderings.
+
+Letters in shapes: H x W pixels."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -31,7 +33,8 @@ class ShownPhoto:
     name: str
     pictures: dict[str, Picture]
     """By the template's names: `photo`; `rendering`, the static scene in the photo's light; of a
-    training photo `distractors` and their `mask`, if there is the effect; of others `error`."""
+    training photo `distractors`, on a chequered ground, and their `mask`, if there is the effect;
+    of a held-out one `error`."""
     covered: float | None = None
     """Share of the photo inside the mask, in [0, 1]."""
     shown_anyway: float = 0.0
@@ -67,8 +70,9 @@ def training_photos(pipeline: DeSplatPipeline, chosen: Sequence[int]) -> Iterato
 def held_out_photos(
     pipeline: DeSplatPipeline, most: int
 ) -> tuple[dict[str, Any], list[ShownPhoto]]:
-    """The evaluation of `ns-eval`, and at most so many held-out photos, the worst first; with 0
-    none. Raises CaptureError of a lost photo, DeSplatError where a figure is not finite."""
+    """The evaluation that `ns-eval` makes, of all held-out photos, and at most so many of them, the
+    worst first; with 0 nothing is evaluated. Raises CaptureError of a photo that cannot be read any
+    more, DeSplatError where a figure is not finite."""
     if most == 0:
         return {}, []
     worst = list[tuple[float, int, np.ndarray, np.ndarray]]()

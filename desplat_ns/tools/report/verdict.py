@@ -22,7 +22,8 @@ HARDLY, LARGE = 0.001, 0.3
 """Shares of a photo. A smaller mask is nothing that was found; a larger one may be the scene."""
 ALIKE, DOUBTFUL = 0.05, 0.5
 """Mean difference of the colours, in [0, 1], below which the static scene shows what a photo does;
-and the share of all masks where it does from which on they are doubtful: docs/guides/results.md."""
+and the share of what is masked, of all photos, from which on masks are doubtful where it does.
+Shares of good and bad masks: docs/guides/results.md, "The report"."""
 WORSE = 8.0
 """dB below the median from which on a held-out photo is named: 6 and 3 in two complete runs."""
 
@@ -31,7 +32,8 @@ Said = Iterator[tuple[str, str]]
 
 
 def detail_kept(photo: UInt8[np.ndarray, "H W 3"], rendering: UInt8[np.ndarray, "H W 3"]) -> float:
-    """A rendering's share of a photo's finest detail: energies of what half of the size loses."""
+    """How much of a photo's finest detail a rendering has: the energies of what is lost in half of
+    the size, over one another. 1 where they are equal."""
 
     def energy(image: np.ndarray) -> float:
         grey = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY).astype(np.float32)
@@ -45,7 +47,8 @@ def detail_kept(photo: UInt8[np.ndarray, "H W 3"], rendering: UInt8[np.ndarray, 
 def shown_anyway(
     photo: Float[Tensor, "H W 3"], static: Float[Tensor, "H W 3"], mask: Float[Tensor, "H W 1"]
 ) -> float:
-    """Share of a mask of 0 and 1 where the static scene shows what the photo does; 0 if empty."""
+    """Share of the pixels of a mask, of 0 and 1, where the static scene shows what the photo does,
+    so that nothing had to be masked; 0 of an empty one."""
     alike = ((photo - static).abs().mean(dim=-1, keepdim=True) < ALIKE).to(mask)
     return float((alike * mask).sum() / mask.sum().clamp(min=1))
 
@@ -70,12 +73,15 @@ def of_the_run(
     also = f" {blur}" if is_blurred else ""
     if steps < planned:
         yield (
-            f"The run has {steps:,} of {planned:,} steps: it was stopped, or is at work.{also}",
-            "Go on: the same `desplat` command again, or `ns-train` with --load-dir CHECKPOINTS.",
+            f"The run has {steps:,} of {planned:,} steps: it was stopped, or this is one of its "
+            f"earlier checkpoints.{also}",
+            "Go on: the same `desplat` command again, or `ns-train` with --load-dir and the folder "
+            "of its checkpoints.",
         )
     elif not planned and 2 * steps < wanted:
         yield (
-            f"The budget allowed {steps:,} of the {wanted:,} steps for {num_photos} photos.{also}",
+            f"The budget allowed {steps:,} of the {wanted:,} steps that {num_photos} photos ask "
+            f"for.{also}",
             "Train anew with a larger --budget, or without one, into another folder.",
         )
     elif is_blurred:
@@ -96,8 +102,10 @@ def of_the_photos(
     nothing in common (`views.apart`); `left_out`: photos without a pose, by the reason."""
     if twice:
         yield (
-            f"{len(twice)} of the held-out photos also train: their scores are not of new views.",
-            "To score the scene, hold out every eighth photo: `colmap --eval-mode interval`.",
+            f"{len(twice)} of the held-out photos also train: their scores say nothing of new "
+            "views.",
+            "To score the scene, train with `colmap --eval-mode interval`, which holds out every "
+            "eighth photo.",
         )
     if num_photos < FEW_PHOTOS:
         yield (
@@ -108,7 +116,8 @@ def of_the_photos(
         groups = "; ".join(list_names(group, 2) for group in places)
         yield (
             f"The photos show {len(places)} places that have nothing in common: {groups}.",
-            "Put each place's photos into a folder of its own, and type `desplat FOLDER` for each.",
+            "Put the photos of each place into a folder of its own, and type "
+            "`desplat FOLDER` for each.",
         )
     if lost := [name for names in left_out.values() for name in names]:
         yield (
@@ -135,9 +144,10 @@ def of_the_masks(masks: Sequence[tuple[float, float]]) -> Said:
         why = f"{large} of {len(masks)} photos have large masks" if 2 * large > len(masks) else why
         yield (
             f"What was found in the way is doubtful: {why}.",
-            "Look at the training photos' masks. Where they cover the scene itself, train with "
-            "`ns-train desplat --data CAPTURE --pipeline.model.distractors.strong-excess 0.3`, "
-            "for larger differences, or paint the masks by hand: docs/guides/results.md.",
+            "Look at the masks of the training photos. Where they cover the scene itself, train "
+            "with `ns-train desplat --data CAPTURE --pipeline.model.distractors.strong-excess "
+            "0.3`, which asks for larger differences, or paint the masks by hand: "
+            "docs/guides/results.md.",
         )
 
 
@@ -145,7 +155,8 @@ def of_held_out(images: Sequence[Mapping[str, Any]]) -> Said:
     usual = median(image["psnr"] for image in images) if images else 0.0
     if worse := [image["name"] for image in images if image["psnr"] < usual - WORSE]:
         yield (
-            f"{len(worse)} of {len(images)} held-out photos are far worse: {list_names(worse, 3)}.",
+            f"{len(worse)} of {len(images)} held-out photos are far worse than the others: "
+            f"{list_names(worse, 3)}.",
             "Look at them: something in the way of the photo itself counts as an error. A pose "
             "that is off, or another place, is mended by leaving the photo out.",
         )
@@ -163,5 +174,6 @@ def of_held_out(images: Sequence[Mapping[str, Any]]) -> Said:
         yield (
             f"Something hangs close before the camera in {veiled[0]:.0%} of the held-out photo "
             f"{veiled[1]}: too few training photos look through that place.",
-            "Take photos from there, or leave out what is close: --pipeline.model.near-plane 0.5.",
+            "Take photos from there, or train with --pipeline.model.near-plane 0.5, which leaves "
+            "out what is that close in all views.",
         )

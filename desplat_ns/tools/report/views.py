@@ -53,8 +53,8 @@ def _shown(
 
 
 def alone(names: Sequence[str], shown: Bool[Tensor, "V P"]) -> dict[str, float]:
-    """Photos that alone show more than `MUCH` of their points, with that share, the largest first:
-    an object in the way would be taken for the scene there."""
+    """Photos that alone show more than `MUCH` of what they do, by the points that each shows, with
+    that share, the largest first: an object in the way would be taken for the scene there."""
     lonely = shown & (shown.sum(dim=0) == 1)
     shares = (lonely.sum(dim=1) / shown.sum(dim=1).clamp(min=1)).tolist()
     ranked = sorted(zip(shares, names, strict=True), reverse=True)

@@ -1,4 +1,6 @@
-"""From a trained run to what its page shows, in a few of the photos' lights, N Gaussians."""
+"""From a trained run to what its page shows, in a few of the photos' lights.
+
+Letters in shapes: N Gaussians, H x W pixels."""
 
 import os
 from collections.abc import Callable, Sequence
@@ -82,6 +84,7 @@ class Light:
 
     name: str
     background: Color
+    """Behind everything."""
     harmonics: Float[np.ndarray, "N K 3"]
     """Of the scene's Gaussians, as `SplatCloud.harmonics`."""
 
@@ -105,6 +108,7 @@ class PageScene:
     pictures: Sequence[tuple[str, Picture]]
     """Renderings with their names, for browsers that cannot draw the scene."""
     other_lights: Sequence[Light] = ()
+    """To choose from beside it."""
     not_shown: str = ""
     """In words, which photos are not on the page."""
 

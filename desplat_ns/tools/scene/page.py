@@ -118,8 +118,9 @@ def _text(content: bytes) -> str:
 def fitted(
     cloud: SplatCloud, most: int, weigh: Callable[[SplatCloud], Float[np.ndarray, " N"]]
 ) -> tuple[bytes, Bool[np.ndarray, " N"], float]:
-    """The cloud as SPZ of at most so many bytes; which Gaussians are kept; and their share of all
-    blending weights, which `weigh` gives. Raises ConfigError where next to none fit."""
+    """The cloud as SPZ of at most so many bytes; which Gaussians are kept; and the share of the
+    photos that they make up, in [0, 1]: blending weights, which `weigh` gives where not all fit,
+    over their sum. Raises ConfigError where next to none fit."""
     content = spz_bytes(cloud)
     if len(content) <= most:
         return content, np.ones(len(cloud), bool), 1.0

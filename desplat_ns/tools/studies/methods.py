@@ -24,8 +24,9 @@ def parse(method: str, options: Sequence[str]) -> Any:
 
 
 def splits_of(method: str, data: Path, parser: Sequence[str], *splits: str) -> list[Any]:
-    """nerfstudio's DataparserOutputs of a capture's splits, `train`, `test`, by the words of a data
-    parser, or the method's own. Raises CaptureError where they cannot be read or are empty."""
+    """nerfstudio's DataparserOutputs of a capture's splits, `train`, `test`, by the name and the
+    options of a data parser; without them by the method's own. Raises CaptureError where it cannot
+    be read, or no photo is in a split, SystemExit as `parse`."""
     manager = parse(method, ["--data", str(data), *parser]).pipeline.datamanager
     manager.data = data
     try:

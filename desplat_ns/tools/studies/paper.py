@@ -1,6 +1,8 @@
 """The paper's tables: data sets as they are trained on and scored, methods, metrics, and the
-figures of Tables A5 to A7 of its supplement. `paper.txt` has a line for each row: table and
-metrics, row, and the figures in the order of `TABLES`' scenes, in A7 with the mean behind them."""
+figures of Tables A5 to A7 of its supplement. A8 and A9 are times of a Tesla V100.
+
+`paper.txt` has a line for each row: table and metrics, row, and the figures scene by scene in the
+order of `TABLES`, a dash where the paper has one. A7 has the mean behind them."""
 
 import re
 from collections.abc import Sequence
@@ -14,7 +16,8 @@ from desplat_ns.evaluation.config import ProtocolName
 
 TableName = Literal["robustnerf", "on-the-go", "A5", "A6", "A7"]
 LPIPS_NET: LpipsNet = "alex"
-"""The supplement names none; that of nerfstudio 1.1.4, on which the paper is built (B.3)."""
+"""The supplement names none. nerfstudio 1.1.4, on which the paper is built (B.3), calls LPIPS
+without naming one, which gives AlexNet."""
 MEAN = "mean"
 """The column of means over all scenes of a table."""
 
@@ -172,6 +175,7 @@ TABLES: dict[TableName, Table] = {
         Table("A7", "Table A7: memory", _BOTH, _MEMORY, _MB),
     )
 }
+"""By the name that is typed."""
 
 
 @cache

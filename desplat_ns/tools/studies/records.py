@@ -71,7 +71,8 @@ def open_records(folder: Path) -> dict[Key, Record]:
     records, code = load(folder / FILE), code_version()
     for other in {record.commit for record in records.values()} - {code}:
         raise ConfigError(
-            f"'{folder}' holds runs by {short(other)}, not {short(code)}: name another --output."
+            f"'{folder}' holds runs by {short(other)}, and this is {short(code)}: their figures "
+            "are not put together. Name another --output."
         )
     save(folder / FILE, records.values())
     return records

@@ -90,7 +90,7 @@ def execute(run: Run, folder: Path) -> Record:
 def train_and_score(method: str, options: list[str], pictures: Path) -> tuple[dict[str, Any], str]:
     """Train by a method and options of `ns-train`, and score: figures as of `ns-eval`, with CPU and
     wall seconds of the training steps alone, and the device's name. Raises SystemExit where
-    training was stopped before its last step."""
+    training was stopped before its last step; such a model is not scored."""
     for kept in (writer.EVENT_WRITERS, writer.EVENT_STORAGE, writer.GLOBAL_BUFFER):
         kept.clear()  # nerfstudio 1.1.5 keeps those of earlier runs
     config = parse(method, options)
@@ -124,8 +124,14 @@ def train_and_score(method: str, options: list[str], pictures: Path) -> tuple[di
 def finish(
     runs: Iterable[Run], records: dict[Key, Record], output: Path, left: Callable[[], str] = str
 ) -> dict[str, str]:
-    """Do all runs that have no record; why some failed, by name. The next is asked for when the one
-    before is in `records` and told, with what is `left`. Raises ConfigError as `save`."""
+    """Do all runs that have no record, record each as it ends, and say so; why some failed, by
+    name. Raises ConfigError where records cannot be written.
+
+    Args:
+        runs: the next is asked for when the one before is done.
+        records: those in the output folder; new ones are added.
+        left: says after each run what is left.
+    """
     failed, folder = dict[str, str](), (output / RUNS).resolve()
     for run in runs:
         if run.key in records:

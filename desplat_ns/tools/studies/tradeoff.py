@@ -114,7 +114,7 @@ class Study:
                 yield run
 
     def left(self) -> str:
-        """Of the time, in words."""
+        """How much of the time is spent, in words."""
         return f"Spent: {self.spent / 60:.0f} of {self.seconds / 60:.0f} min."
 
     def do(self) -> None:
@@ -127,7 +127,8 @@ class Study:
 
 
 def tradeoff(data: Path, parser: tuple[str, ...], output: Path, seconds: float) -> Path:
-    """Do a study as far as its time goes; its page. Raises as `open_study` and `Study.do`."""
+    """Do a study as far as its time goes, earlier sessions included, and write its page; where that
+    is. Raises as `open_study` and `Study.do`."""
     with only_process_in(output):
         compile_kernels("auto", default_device())  # no part of the time that was given
         study = open_study(data, parser, output, seconds)
@@ -200,7 +201,8 @@ def values(scores: Scores, name: str) -> list[float | int]:
 
 
 def gain(points: Mapping[Point, Scores], point: Point) -> str:
-    """PSNR of a point less the base's at as many steps, seed by seed; empty where that is none."""
+    """PSNR of a point less the base's at as many steps, seed by seed, by `spread`; empty where
+    there is nothing to compare it with."""
     variant, steps = point
     base = {} if variant == BASE else points.get((BASE, steps), {})
     scores = points[point]
