@@ -36,8 +36,9 @@ def over_background(
 
 
 def in_range(image: Float[Tensor, "H W C"]) -> Float[Tensor, "H W C"]:
-    """Colours clamped to [0, 1], to within 1e-37. The gradient is 0 from 1 on and below 0, and
-    passes at 0: what is black may become lighter. On a CPU a third of `torch.clamp`'s time."""
+    """Colours clamped to [0, 1], to within 1e-37. The gradient is 0 from 1 on and below 0; at 0 it
+    passes: all that is shown may be black, and become lighter. On a CPU it takes a third of the
+    time of `torch.clamp`'s."""
     return F.hardtanh(image, -1e-37, 1.0)
 
 
@@ -47,7 +48,8 @@ def static_outputs(
     """rgb [H, W, 3] in [0, 1], accumulation [H, W, 1], background, and depth if it was rendered:
     where nothing is, depth [H, W, 1] (world units) is that of the farthest pixel, as Splatfacto's.
 
-    `image`: the static scene over the background, as the photo shows it; here it is cut at 1.
+    `image`: the static scene over the background, as the photo shows it; colours beyond 1 are cut
+    here.
     """
     outputs = {
         "rgb": in_range(image),

@@ -42,7 +42,8 @@ def photometric_losses(
             in which they are equal are worked out once, and the second has no gradient there.
         compiled: by numba's kernels where they can; else by torch.
 
-    Source: L_GS of Eq. 5 and 12; `distractor_weight` is ours (docs/explain/separation.md).
+    Source: L_GS, the photometric term of Eq. 5 and 12; `distractor_weight` is ours
+    (docs/explain/separation.md).
     """
     if compiled and all(is_fast(image, photo) for image in images):
         return compiled_photometric(photo, distractor_weight, leak, ssim_weight, *images)
@@ -63,7 +64,8 @@ def distractor_opacity_loss(
     """Mean opacity of the distractors, in [0, 1]: a price on what they explain. In pixels where
     `in_region` is 1 instead of 0 their transparency counts.
 
-    Source: Eq. 5, that of lambda_d; `in_region` is ours (docs/explain/separation.md).
+    Source: Eq. 5, the term weighted by lambda_d; `in_region` is ours
+    (docs/explain/separation.md).
     """
     return alpha_d.mean() if in_region is None else F.l1_loss(alpha_d, in_region)
 

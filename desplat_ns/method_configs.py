@@ -45,8 +45,9 @@ def _decaying(lr: float, lr_final: float, warmup_steps: int = 0, steps: int = ST
 
 
 def optimizers(steps: int) -> dict:
-    """Of the static set, poses and grids Splatfacto's (nerfstudio 1.1.5); of appearance and
-    background, where they are on, B.3's, but for the cheaper grades', which are ours."""
+    """Splatfacto's (nerfstudio 1.1.5) for the static set, poses and grids; B.3's for appearance and
+    background, where they are on, and our own for their cheaper grades. The rates of B.3's
+    background fall in a run's `steps`, `BACKGROUND_STEPS` at most."""
     background_steps = min(steps, BACKGROUND_STEPS)
     return {
         "means": _decaying(1.6e-4, 1.6e-6),

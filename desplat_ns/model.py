@@ -66,7 +66,8 @@ class DeSplatModel(SplatfactoModel):
     """The step at hand, between nerfstudio's calls; None if there is none, or if it was dropped."""
 
     def populate_modules(self) -> None:
-        """Static Gaussians at the 3D points, what the effects need, and each view's distractors."""
+        """Static Gaussians at the 3D points, what the effects need, and distractors in front of
+        every training camera."""
         if self.config.random_init:
             self.seed_points = None
         if self.seed_points is not None:
@@ -92,7 +93,9 @@ class DeSplatModel(SplatfactoModel):
         num_views, scale, effects = self.num_train_data, self.schedule.scale, self.effects
         pixels = int((cameras.width * cameras.height).sum())
         smaller = config.downscale_factor(0, pixels // num_views) if config.first_megapixels else 1
-        pause = round((num_views + SPLATFACTOS_INTERVAL) / scale)  # of a run, as Splatfacto's
+        # After a reset of the opacities the scene recovers, as in Splatfacto, for a round of the
+        # views and 100 steps of the run: these are nominal steps, at most half of `reset_every`.
+        pause = round((num_views + SPLATFACTOS_INTERVAL) / scale)
         settings = {
             "grow_grad2d": config.densify_grad_thresh / math.sqrt(smaller),
             "reset_every": config.reset_every,
@@ -250,7 +253,8 @@ class DeSplatModel(SplatfactoModel):
         return self.image_effects.apply_camera_response(background, view, embedding).clamp(0, 1)
 
     def photo_of(self, background: Tensor, image: Tensor) -> Tensor:
-        """The photo [H, W, 3] of an image at the step's size, over the background."""
+        """The photo [H, W, 3] of an image at the step's size; where it is transparent it shows the
+        background."""
         return self.composite_with_background(self.get_gt_img(image), background)
 
     def get_gt_img(self, image: Tensor) -> Tensor:
@@ -408,7 +412,8 @@ class DeSplatModel(SplatfactoModel):
     def image_of(
         self, static: Rendering, background: Tensor, view: View, embedding: Tensor
     ) -> Tensor:
-        """The static scene over the background [H, W, 3], as the camera shows it, also beyond 1."""
+        """The static scene over the background [H, W, 3], as the image's camera shows it; colours
+        may be beyond 1."""
         image = over_background(static.rgb, static.alpha, background)
         return self.image_effects.apply_camera_response(image, view, embedding)
 

@@ -16,8 +16,9 @@ def accumulated_weights(
     settings: RenderSettings,
     columns: int | None = None,
 ) -> Float[Tensor, " N"]:
-    """Sum over pixels of each Gaussian's blending weight alpha_i T_i, >= 0, whatever their colours:
-    the derivative by c_i of the image's sum. `columns`: so many of the first count; None: all."""
+    """Sum over pixels of each Gaussian's blending weight alpha_i T_i, in pixels, >= 0, whatever
+    their colours: the derivative by c_i of the image's sum. `columns`: so many of the image's first
+    ones count; all if None."""
     white = torch.ones_like(splats.means).requires_grad_()
     shape = (splats.means, splats.quats, splats.scales, splats.opacities)
     alone = Splats(*(each.detach() for each in shape), colors=white)

@@ -3,8 +3,8 @@
 python -m desplat_ns.backend.compile_kernels
 
 numba's take half a minute of two cores for each CPU, gsplat's half an hour for each kind of GPU.
-Without this, the first run that needs them has them compiled. Where no GPU is seen,
-TORCH_CUDA_ARCH_LIST names the one that gsplat's are compiled for.
+What is compiled already is left as it is. Without this, the first run that needs them has them
+compiled. Where no GPU is seen, TORCH_CUDA_ARCH_LIST names the one that gsplat's are compiled for.
 """
 
 import argparse

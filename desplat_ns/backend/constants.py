@@ -8,7 +8,8 @@ ALPHA_MAX = 0.999
 1 / (1 - alpha) stays bounded. gsplat's value."""
 
 TRANSMITTANCE_MIN = 1e-4
-"""Blending stops before the Gaussian that would bring the transmittance down to it (gsplat)."""
+"""Blending stops before the Gaussian that would bring the transmittance down to this value, or
+below (gsplat)."""
 
 NEAR_PLANE, FAR_PLANE = 0.01, 1e10
 """World units; what lies nearer or further off is culled. nerfstudio's and gsplat's values."""

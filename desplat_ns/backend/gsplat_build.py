@@ -32,7 +32,8 @@ needs the least memory. `python -m desplat_ns.backend.compile_kernels` tries aga
 
 @cache
 def unavailable_reason() -> str | None:
-    """Why gsplat has no kernels, and what to install; None once they are loaded, or compiled."""
+    """Why gsplat has no kernels, and what to install; None once they are loaded. The first call on
+    a machine compiles them."""
     with suppress(ImportError, OSError):
         importlib.import_module("gsplat.csrc")  # a wheel with kernels
         return None
@@ -73,8 +74,9 @@ def cuda_homes() -> Iterator[Path]:
 
 @contextmanager
 def _variables(home: Path, folder: Path) -> Iterator[None]:
-    """Within, gsplat, torch and ninja find the toolkit by the environment. Beside the kernels lies
-    a link to wheels' libcudart.so.13 by the name that the linker asks for."""
+    """The environment under which gsplat, torch and ninja find the toolkit; as before afterwards.
+    Beside the kernels lies a link to wheels' libcudart.so.13 by the name that the linker asks
+    for."""
     before = dict(os.environ)
     jobs = min(cores(), max(1, memory()[1] // BYTES_A_JOB))
     links = folder.parent / "links"

@@ -1,6 +1,7 @@
-"""The `gsplat` backend: gsplat's CUDA kernels, which `gsplat_build` has compiled. Departs from the
-exact backends in one thing: gsplat cuts every Gaussian off at the square of 3 sigma, where an
-opaque one still has an alpha of 0.011.
+"""The `gsplat` backend: gsplat's CUDA kernels. The only module that imports gsplat's rasterizer.
+
+Departs from the exact backends in one thing: gsplat cuts every Gaussian off at the square of 3
+sigma, where an opaque one still has an alpha of 0.011. `gsplat_build` has its kernels compiled.
 """
 
 from dataclasses import replace
@@ -71,8 +72,8 @@ def _with_unsound_behind(splats: Splats, view: View) -> tuple[Tensor, Tensor]:
 
 @torch.no_grad()
 def _is_sound(splats: Splats) -> Bool[Tensor, " N"]:
-    """As `is_finite`, and a covariance's determinant, a scale's fourth power, does not overflow. By
-    norms of all numbers at once: on a GPU each operation is a launch."""
+    """As `is_finite`, and the determinant of a covariance, of the order of a scale's fourth power,
+    does not overflow. By norms of all numbers at once: on a GPU each operation is a launch."""
     scales2, opacities = splats.scales.square(), splats.opacities[:, None]
     numbers = torch.cat([splats.means, splats.quats, scales2, opacities], dim=-1)
     norm = torch.linalg.vector_norm

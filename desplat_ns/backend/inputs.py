@@ -10,10 +10,12 @@ from desplat_ns.backend.protocol import Splats, View
 from desplat_ns.backend.spherical_harmonics import MAX_DEGREE
 
 MIN_QUAT_NORM = 1e-12
-"""Shorter quaternions have no direction: culled. Its square is a normal float32."""
+"""Quaternions shorter than this have no direction; their Gaussians are culled. Its square is a
+normal float32."""
 
 MAX_CAMERA = 1e8
-"""No camera has larger intrinsics (pixels) or rotations; their powers would overflow float32."""
+"""Intrinsics (pixels) and entries of a rotation beyond this are no camera's, and their powers would
+overflow float32."""
 
 MIN_FOCAL = 1e-12
 """Pixels. The image's border is size / focal from the axis, which would overflow."""
@@ -35,7 +37,8 @@ def finite_colors(
     colors: Float[Tensor, "N 3"] | Float[Tensor, "N K 3"],
 ) -> Bool[Tensor, " N"] | None:
     """Gaussians whose colours have a finite sum of squares, in float32 up to 1e19: gradients are
-    sums of products of colours. None if all have, on a CPU: elsewhere that would be waited for."""
+    sums of products of colours. On a CPU None if all have, which takes one pass; elsewhere the
+    answer would have to be waited for."""
     flat = colors.flatten()
     if colors.is_cpu and math.isfinite(torch.dot(flat, flat).item()):
         return None
@@ -43,8 +46,9 @@ def finite_colors(
 
 
 def check_inputs(splats: Splats, view: View) -> None:
-    """Raises ValueError, with what was found and what is needed, where a tensor does not fit; on a
-    CPU (elsewhere it would be waited for) also where a number of the camera makes no sense."""
+    """Raises ValueError, with what was found and what is needed, where a tensor does not fit or a
+    number of the camera makes no sense. Numbers are looked at on a CPU only: elsewhere they would
+    have to be waited for."""
     n = len(splats.means)
     needed = {"means": (n, 3), "quats": (n, 4), "scales": (n, 3), "opacities": (n,)}
     needed |= {"viewmat": (4, 4), "K": (3, 3)}
@@ -56,7 +60,8 @@ def check_inputs(splats: Splats, view: View) -> None:
     for name, tensor in given.items():
         if tensor.dtype != splats.means.dtype or not tensor.dtype.is_floating_point:
             raise ValueError(
-                f"{name} is {tensor.dtype}, means {splats.means.dtype}; needed is one float dtype."
+                f"{name} is {tensor.dtype} and means is {splats.means.dtype}; "
+                "all must have one floating-point dtype."
             )
         if tensor.device != splats.means.device:
             raise ValueError(f"{name} is on {tensor.device}, means on {splats.means.device}.")

@@ -32,7 +32,8 @@ MAX_PIXELS = 1e8
 their fourth power and float32 ends at 3e38."""
 
 COMPENSATION_MIN = 1e-3
-"""Floor of the antialiasing factor, whose slope is infinite at 0. What it changes is not drawn."""
+"""Floor of the antialiasing factor, whose slope is infinite at 0. It is below ALPHA_CUTOFF, so what
+it changes is never drawn."""
 
 
 @dataclass(frozen=True)

@@ -73,7 +73,8 @@ class Rendering:
     alpha: Float[Tensor, "H W 1"]
     """Accumulated opacity, in [0, 1)."""
     depth: Float[Tensor, "H W 1"] | None
-    """sum(w z) / sum(w), world units along the axis; 0 where nothing is, None if not asked for."""
+    """sum(w z) / sum(w), world units along the optical axis; 0 where nothing is, None if not asked
+    for."""
     means2d: Float[Tensor, "1 N 2"]
     """Projected means in pixels, part of the graph: densification reads their gradient."""
     radii: Int[Tensor, " N"]

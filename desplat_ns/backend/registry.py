@@ -57,9 +57,14 @@ def default_device() -> str:
 
 
 def resolve(name: BackendName, device: str | None = None) -> Rasterizer:
-    """The rasterizer called `name` for splats on a device type, "cpu" or "cuda", by default the one
-    that this machine has; `auto` is the fastest. Raises BackendUnavailableError: `name` is unknown,
-    or cannot run there."""
+    """The rasterizer called `name`; `auto` is the fastest that there is for the device type.
+
+    Args:
+        device: "cpu" or "cuda", where the splats will be; by default what this machine has.
+
+    Raises:
+        BackendUnavailableError: `name` is unknown, or cannot run there.
+    """
     device = device or default_device()
     taken = FASTEST.get(device, "torch") if name == "auto" else name
     if taken not in _CLASSES:

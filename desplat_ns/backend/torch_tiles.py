@@ -86,9 +86,14 @@ def _blend(
     corner: tuple[int, int],
     sums: tuple[Float[Tensor, "N 2"], Int[Tensor, " S"]] | None,
 ) -> Float[Tensor, "P F"]:
-    """Features in the pixels of a tile whose first one is at x, y = `corner`. `entries`: mean x, y;
-    conic xx, xy, yy; opacity; features of each Gaussian, front to back. `sums`: where the backward
-    pass adds |d loss / d mean|, and the Gaussians' indices."""
+    """Features in the pixels of one tile.
+
+    Args:
+        entries: D = 6 + F numbers of each Gaussian, front to back: mean x, y; conic xx, xy, yy;
+            opacity; features.
+        corner: x and y of the tile's first pixel.
+        sums: where |d loss / d mean| is added to in the backward pass, and the Gaussians' indices.
+    """
     centers = torch.arange(TILE, dtype=entries.dtype, device=entries.device) + 0.5
     y, x = torch.meshgrid(centers + corner[1], centers + corner[0], indexing="ij")
     d = entries[:, None, :2] - torch.stack([x, y], dim=-1).reshape(1, -1, 2)
@@ -115,8 +120,11 @@ def _blend(
 def tile_lists(
     projected: ProjectedSplats, columns: int, rows: int
 ) -> tuple[Int[Tensor, " pairs"], Int[Tensor, " tiles"]]:
-    """The Gaussians of each tile, row by row: those whose bounding box, beyond which alpha is below
-    ALPHA_CUTOFF, meets it, front to back, by index at equal depths; and how many each tile has."""
+    """The Gaussians of each tile, front to back and by index where depths are equal, tile after
+    tile; and how many each tile has. Tiles are numbered row by row.
+
+    A Gaussian is in the tiles of its bounding box, beyond which its alpha is below ALPHA_CUTOFF.
+    """
     visible = ((projected.radii > 0) & (projected.opacities >= ALPHA_CUTOFF)).nonzero()[:, 0]
     visible = visible[projected.depths[visible].sort(stable=True).indices]
     means, (xx, xy, yy) = projected.means2d[0, visible], projected.conics[visible].unbind(-1)

@@ -21,7 +21,8 @@ def world_to_camera(camera_to_world: Float[Tensor, "3 4"]) -> Float[Tensor, "4 4
 
 
 def is_distorted(cameras: Cameras) -> bool:
-    """Whether any lens bends what a pinhole shows straight, as each fisheye does."""
+    """Whether the lens of any camera bends what a pinhole shows straight; a fisheye does without
+    terms of distortion."""
     distortion = cameras.distortion_params
     bends = distortion is not None and bool(torch.any(distortion != 0))
     return bends or bool(torch.any(cameras.camera_type == CameraType.FISHEYE.value))
@@ -56,7 +57,8 @@ def resized(view: View, size: tuple[int, int]) -> View:
 
 
 def reduced(image: Shaped[Tensor, "H W C"], size: tuple[int, int]) -> Shaped[Tensor, "h w C"]:
-    """An image at a smaller (width, height), each pixel the mean of its area; float32 on a GPU."""
+    """An image at a smaller (width, height), each pixel the mean of the area that it covers. On a
+    GPU the result is float32."""
     if image.is_cpu:
         smaller = cv2.resize(image.numpy(), size, interpolation=cv2.INTER_AREA)
         return torch.from_numpy(smaller.reshape(size[1], size[0], -1))

@@ -37,6 +37,9 @@ def checkpoints_in(folder: Path) -> list[Path]:
     return sorted(named, key=step_of)
 
 
+# --- written -------------------------------------------------------------------------------------
+
+
 def save_atomically(state: dict[str, Any], path: Path) -> None:
     """Write `state` to `path`, which is at any moment the old file, the new one or absent. Raises
     CheckpointError where it cannot be written; nothing saved before is touched then."""
@@ -93,6 +96,9 @@ def run_folder(folder: Path) -> Iterator[None]:
     except KeyboardInterrupt:
         announce("Ended by Ctrl+C before the first step.", warning=True)
         raise SystemExit(130) from None
+
+
+# --- read ----------------------------------------------------------------------------------------
 
 
 def load_checkpoint(path: Path) -> dict[str, Any]:

@@ -46,7 +46,8 @@ def list_names(names: Iterable[str], at_most: int = 10) -> str:
 
 
 def text_of(name: str) -> str:
-    """A file's name as it can be written: bytes that are no text, as from old archives: `\\xfc`."""
+    """A file's name as it can be written: bytes that are no text, as names from old archives have
+    them, become `\\xfc`."""
     return os.fsencode(name).decode(errors="backslashreplace")
 
 
@@ -182,7 +183,8 @@ def progress_over(total: int, label: str, alike: bool = True) -> Iterator[Any]:
 @contextmanager
 def progress_with_time_left(label: str, alike: bool = True) -> Iterator[Callable[[int, int], None]]:
     """Tells how far work is and when it ends; what is yielded takes what is done and the total.
-    Where its parts are not `alike`, and the first say nothing of the others, no time is told."""
+    Where not all parts are `alike`, so that the first say nothing of the others, no time is told.
+    """
     with telling() as (shown, is_whole):
         seen = list[tuple[float, int]]()
 

@@ -9,7 +9,8 @@ import psutil
 
 
 def cores() -> int:
-    """Those of the process's affinity (`taskset`, a scheduler), where it has one; else all."""
+    """As the process's affinity says (`taskset`, a cluster's scheduler), where the system has one;
+    else all."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1

@@ -1,5 +1,9 @@
-"""What the HTML pages share: templates, and pictures [H, W, C] inside the page, in 8-bit colours,
-layers over a checkerboard, as small as the page's size asks for."""
+"""What the HTML pages share: templates, pictures inside the page, figures in words.
+Pictures have 8-bit colours, layers over a checkerboard; they are made as small as the page's size
+asks for.
+
+Letters in shapes: H x W pixels.
+"""
 
 import base64
 import io

@@ -54,9 +54,16 @@ def newest_run(path: Path) -> Path:
 
 def find_run(config: Path, data: Path | None = None) -> RunFiles:
     """The files of the run that a config.yml belongs to; checkpoints lie in a folder beside it,
-    wherever the run's folder was moved. Raises CaptureError where there is no such capture,
-    ConfigError where the file is not that of a run of this package, and CheckpointError where the
-    run saved none. `data`: as of `RunFiles`."""
+    wherever the run's folder was moved.
+
+    Args:
+        data: as `RunFiles.data`.
+
+    Raises:
+        CaptureError: there is no such capture.
+        ConfigError: there is no such file, or it is not of a run of this package.
+        CheckpointError: the run saved no checkpoint.
+    """
     if data is not None and not data.exists():
         raise CaptureError(f"There is no '{data}'. Name the folder of the run's capture by --data.")
     try:

@@ -49,8 +49,9 @@ def early_rate_factor(step: int, warmup: int, wanted: int) -> float:
 
 
 def settling_factor(step: int, steps: int, share: float) -> float:
-    """Factor, 1 to 0, on the static set's learning rates at a nominal step: it falls linearly in
-    the last `share` of them: the scene ends in the middle of what single photos drew it to."""
+    """Factor, 1 to 0, on the static set's learning rates at one of a run's nominal steps: it falls
+    linearly in the last `share` of them, so that the scene ends in the middle of what single photos
+    drew it to."""
     return min(1.0, max(0.0, 1.0 - step / steps) / share) if share > 0 else 1.0
 
 

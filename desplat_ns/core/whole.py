@@ -105,8 +105,12 @@ def write_record(path: Path, record: Mapping[str, Any]) -> None:
 @contextmanager
 def draft_of(path: Path, staging: Path | None = None) -> Iterator[Path]:
     """A place for a file's content; what is there is at `path` when all went well, else gone.
-    Raises OSError where it cannot be put there. `staging`: the folder to write in, on that disk and
-    used by no other process; what a kill left there goes first. Else a new one beside the file."""
+    Raises OSError where it cannot be put there.
+
+    Args:
+        staging: the folder to write in, on the same disk, which no other process uses; what a kill
+            left there goes first. Without it, a new one beside the file.
+    """
     path.parent.mkdir(parents=True, exist_ok=True)
     if staging is not None:
         shutil.rmtree(staging, ignore_errors=True)
@@ -123,7 +127,8 @@ def draft_of(path: Path, staging: Path | None = None) -> Iterator[Path]:
 
 @contextmanager
 def whole_folder(path: Path) -> Iterator[Path]:
-    """As `draft_of` for a folder: all files in it are put beside those that are at `path`."""
+    """As `draft_of` for a folder: files in it, and in folders inside, are put beside those that are
+    at `path` already."""
     path.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(prefix=f".{path.name}-", dir=path.parent) as folder:
         yield Path(folder)

@@ -140,7 +140,8 @@ class DeSplatColmapDataParser(ColmapDataParser):
         return named
 
     def lists(self, names: Sequence[str]) -> Lists:
-        """Names of each split's photos in the images folder; empty: nerfstudio's options decide."""
+        """Which of the photos, by their names inside the images folder, each split has; empty where
+        nerfstudio's options decide."""
         return self.reconstruction.splits or read_list_files(self.config.data)
 
     def views(self, split: str) -> list[int]:

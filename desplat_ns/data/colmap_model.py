@@ -48,7 +48,8 @@ def _kind_of(folder: Path) -> str:
 
 
 def read_model(folder: Path) -> "pycolmap.Reconstruction":
-    """The whole model, but for points in a PLY. Raises CaptureError: files damaged or missing."""
+    """The whole model, without points that stand in a PLY. Raises CaptureError where files are
+    damaged or missing."""
     import pycolmap  # a quarter of a second: not for `--help`
 
     kind = _kind_of(folder)
@@ -60,7 +61,9 @@ def read_model(folder: Path) -> "pycolmap.Reconstruction":
         if not kind or (folder / f"points3D.{kind}").is_file():
             model = pycolmap.Reconstruction(folder)
         else:
-            with TemporaryDirectory() as place:  # none there: points stand in a PLY
+            # The points stand in a PLY, and no photo observes them: the model's own file of points,
+            # which pycolmap needs, is made with none in it.
+            with TemporaryDirectory() as place:
                 for path in folder.glob(f"*.{kind}"):
                     shutil.copy(path, place)
                 Path(place, f"points3D.{kind}").write_bytes(bytes(8 * (kind == "bin")))
@@ -77,9 +80,11 @@ def read_model(folder: Path) -> "pycolmap.Reconstruction":
 
 
 def _names_in(path: Path) -> dict[int, str]:
-    """Photos' names by number; pycolmap 4.2.1 ends them at the first space. Raises ValueError where
-    observations (an empty line, if there are none) do not follow each photo: it passes over every
-    second one there."""
+    """Photos' names by number; pycolmap 4.2.1 ends them at the first space, and where observations
+    (an empty line, if there are none) do not follow each photo it passes over every second one.
+
+    Raises ValueError where they do not.
+    """
     lines = [line for line in path.read_text("utf-8").split("\n") if not line.startswith("#")]
     observed = [line.split()[-1] for line in lines[1::2] if line.strip()]
     if not all(last.lstrip("-").isdigit() for last in observed):

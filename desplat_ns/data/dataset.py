@@ -1,4 +1,7 @@
-"""Photos of one split at the size of their cameras, undistorted where the lens bends."""
+"""Photos of one split at the size of their cameras, undistorted where the lens bends.
+
+Letters in shapes: H x W pixels, C channels (3 or 4).
+"""
 
 from collections.abc import Callable
 from copy import deepcopy
@@ -39,7 +42,8 @@ class CaptureDataset(InputDataset):
             check_size(path, image_size(path, size), size)
 
     def get_numpy_image(self, image_idx: int) -> UInt8[np.ndarray, "H W C"]:
-        """The photo at its camera's size. Raises CaptureError: unreadable, or does not fit that."""
+        """The photo at its camera's size. Raises CaptureError: it cannot be read, or does not fit
+        its camera."""
         path = self.image_filenames[image_idx]
         image = read_image(path, self.sizes[image_idx])
         check_size(path, (image.shape[1], image.shape[0]), self.sizes[image_idx])
@@ -48,7 +52,8 @@ class CaptureDataset(InputDataset):
     def get_data(
         self, image_idx: int, image_type: Literal["uint8", "float32"] = "float32"
     ) -> Photo:
-        """`image_idx`, `image` [H, W, C] and, if there are masks, `mask` [H, W, 1]: True counts."""
+        """`image_idx`, `image` [H, W, C] and, if the capture has masks, `mask` [H, W, 1] (bool):
+        True where the photo may be used."""
         read = self.get_image_uint8 if image_type == "uint8" else self.get_image_float32
         data: Photo = {"image_idx": image_idx, "image": read(image_idx)}
         if self._dataparser_outputs.mask_filenames is not None:

@@ -2,6 +2,8 @@
 
 Read by OpenImageIO; HEIC and AVIF, which its wheels lack, by Pillow and pillow-heif. The formats
 are in docs/reference/data.md.
+
+Letters in shapes: H x W pixels, C channels.
 """
 
 import math

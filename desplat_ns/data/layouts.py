@@ -77,7 +77,7 @@ class Recognition:
         """The configuration of the dataparser that reads the capture; `options` of the user's, by
         their fields' names, come before the layout's. Raises ConfigError of one without a use."""
         useful = {f.name for f in fields(self.default)}
-        if isinstance(self.default, OwnSplitConfig):
+        if isinstance(self.default, OwnSplitConfig):  # the layout says which photos are held out
             useful -= {"eval_mode", "train_split_fraction", "eval_interval"}
         if useless := [name for name in options if name not in useful]:
             given = " ".join(f"{option_of(name)} {options[name]}" for name in useless)
@@ -139,6 +139,8 @@ def _nothing_found(data: Path) -> str:
         "name a dataparser at the end of the command (ns-train desplat --help lists them)."
     )
 
+
+# --- what finds each layout -----------------------------------------------------------------------
 
 Found = tuple[str, str, dict[str, Any]]
 """Of a `Recognition`: poses, summary, options."""
@@ -215,7 +217,8 @@ def _model_of(data: Path) -> str:
 
 
 def _photos(data: Path) -> tuple[Path, dict[str, Any]]:
-    """Folder of the photos, else of the largest copies; the options by which a parser reads it."""
+    """Folder of the photos, or of the largest copies if they are all there is; the options with
+    which a dataparser reads it."""
     images = data / IMAGES
     factors = downscale_factors(images)
     if images.is_dir() or not factors:
@@ -235,6 +238,9 @@ LAYOUTS: tuple[tuple[str, str, DataParserConfig, Callable[[Path], Found | None]]
 )
 """Name, dataparser, its own options, and what finds the layout; the first that is found is taken,
 so that the most specific ones come first."""
+
+
+# --- the dataparser ------------------------------------------------------------------------------
 
 
 @dataclass
@@ -277,8 +283,9 @@ OURS = {
 
 
 def without_prompts(config: DataParserConfig) -> DataParserConfig:
-    """The dataparser that reads a capture: for desplat-data the one that it recognises, and says
-    why; for upstream's that ask questions ours; else the same.
+    """The dataparser that reads a capture: for desplat-data the one for the layout that is
+    recognised, and the console says which and why; for upstream's that ask questions ours; else the
+    same.
 
     Raises:
         CaptureError: as `recognise`.

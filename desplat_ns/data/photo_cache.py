@@ -61,8 +61,12 @@ class BoundedPhotos(Sequence[Photo]):
         return self._count
 
     def __getitem__(self, index: Any) -> Photo:
-        """A photo; those that come next begin to be read. Raises IndexError, and whatever reading
-        raises: asked for again, the photo is read again."""
+        """A photo; those that come next begin to be read.
+
+        Raises:
+            IndexError: there is no such photo.
+            Exception: whatever reading raises; asked for again, the photo is read again.
+        """
         index = range(len(self))[index]
         wanted = [index, *islice(self._upcoming(), self._ahead)]
         for photo in self._held.keys() - {*self._stay, *wanted}:

@@ -52,7 +52,8 @@ def exposed_together(path: Path) -> Path:
 
 
 def file_names(folder: Path) -> list[str]:
-    """Files in a folder and those inside it, also behind links: sorted paths below it, with `/`."""
+    """Files in a folder and the folders inside it, also behind links, sorted: paths below it with
+    forward slashes."""
     names, seen = [], set()
     for at, folders, files in os.walk(folder, followlinks=True):
         if (real := os.path.realpath(at)) in seen:  # a link leads back
@@ -77,7 +78,8 @@ def downscale_factors(images: Path) -> list[int]:
 
 
 def check_files(paths: Sequence[Path], folder: Path, what: str, option: str) -> None:
-    """Raise CaptureError, with `what` is missing and the `option` to set, unless all are there."""
+    """Raise CaptureError, with `what` is missing from `folder` and the `option` to set, unless all
+    files are there."""
     missing = [path for path in paths if not os.path.isfile(path)]  # also of names too long
     if missing:
         names = list_names(os.path.relpath(path, folder) for path in missing)

@@ -51,8 +51,10 @@ class PhotoTourismDataParser(DeSplatColmapDataParser):
     split_by = "the split file; without one a tenth is drawn for testing"
 
     def __init__(self, config: PhotoTourismDataParserConfig):
-        """Without a reconstruction in dense/, one in the data itself is taken, with the photos
-        beside it: in dense/ they are undistorted, there perhaps not."""
+        """Where dense/ has no reconstruction, but the data itself has one, that is taken with the
+        photos beside it; paths that the options name come before that. Photos of one place never go
+        with the reconstruction of the other: in dense/ they are undistorted, outside perhaps not.
+        """
         data, dense, beside = config.data, DENSE / "sparse", Path("sparse")
         is_beside = find_models(data, beside) and not find_models(data, dense)
         if config.colmap_path == dense and is_beside:
@@ -62,7 +64,8 @@ class PhotoTourismDataParser(DeSplatColmapDataParser):
         super().__init__(config)
 
     def lists(self, names: Sequence[str]) -> Lists:
-        """By the split file, or drawn; says once how. Raises as what finds and reads the file."""
+        """By the split file, or drawn; says once how. Raises CaptureError as `find_split_file` and
+        `read_split_file`."""
         data, named = self.config.data, self.config.split_file
         path = data / named if named else find_split_file(data)
         lists = read_split_file(path) if path else draw_split(names)
@@ -73,6 +76,9 @@ class PhotoTourismDataParser(DeSplatColmapDataParser):
             f"testing: {list_names(sorted(test))}."
         )
         return lists
+
+
+# --- the split file ------------------------------------------------------------------------------
 
 
 def split_files(data: Path) -> tuple[list[Path], list[Path]]:
@@ -107,7 +113,7 @@ def read_split_file(path: Path) -> Lists:
     CaptureError as `read_rows`, and of a split that is neither train nor test."""
     listed: dict[str, list[str]] = {"train": [], "test": []}
     for row in read_rows(path):
-        if {row["filename"].lower(), row["id"].lower()} & {"", "nan"}:
+        if {row["filename"].lower(), row["id"].lower()} & {"", "nan"}:  # not in the reconstruction
             continue
         split = row["split"].lower()
         if split not in listed:

@@ -1,4 +1,7 @@
-"""Points (P in shapes) to start from, of a COLMAP model or of a PLY file."""
+"""Points to start from, of a COLMAP model or of a PLY file.
+
+Letters in shapes: P points, D distinct ones.
+"""
 
 import io
 from dataclasses import dataclass

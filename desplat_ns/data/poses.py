@@ -1,4 +1,7 @@
-"""From a reconstruction's photos (n in shapes) and points to the cameras and points of training."""
+"""From a reconstruction's frames and points to the cameras and points that training uses.
+
+Letters in shapes: n photos.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -97,12 +97,18 @@ class Tracks:
 
 
 def read_reconstruction(data: Path, colmap_path: Path) -> Reconstruction:
-    """Read the reconstruction of the capture in `data`: a model's folder or a folder of models, of
-    which the one with most photos is taken, at `colmap_path` below it (`places_of`).
+    """Read the reconstruction of a capture; of several models, the one with most photos.
 
     The one that was read last is kept, and given again as long as its files are the same: do not
-    change what it holds. Raises CaptureError: nothing there, damaged files, cameras or poses that
-    cannot be used.
+    change what it holds.
+
+    Args:
+        data: the capture's folder.
+        colmap_path: a model's folder or a folder of models, relative to `data`. The usual places
+            (`sparse`, `sparse/0`, `colmap/sparse/0`) stand in for each other.
+
+    Raises:
+        CaptureError: nothing there, damaged files, cameras or poses that cannot be used.
     """
     folders = find_models(data, colmap_path)
     if not folders:
@@ -181,7 +187,8 @@ def camera_type_of(model: str, photo: str, source: Path) -> CameraType:
 
 
 def check_frame(frame: Frame, source: Path) -> None:
-    """Raise CaptureError unless a photo's name, pose and camera, read from `source`, can be."""
+    """Raise CaptureError, with the photo and `source`, where it was read, unless its name, pose and
+    camera can be."""
     lens, name, sides = frame.intrinsics, frame.name, (frame.width, frame.height)
     with np.errstate(over="ignore"):
         numbers = np.array([*frame.world_to_camera.flat, *lens.values()]).astype(np.float32)

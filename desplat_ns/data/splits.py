@@ -42,9 +42,14 @@ def read_list_files(data: Path) -> Lists:
 
 
 def listed_photos(names: Sequence[str], wanted: Sequence[str], source: Path | str) -> list[int]:
-    """Indices of the wanted photos among `names`, ascending: paths inside the images folder or,
-    where no path is so, file names. Says which of those that `source` lists are left out, as they
-    have no pose or a file name that several photos have."""
+    """Indices of the wanted photos among `names`, ascending. Says which are left out, as they have
+    no pose or a file name that several photos have.
+
+    An entry is the path inside the images folder or, where no path is so, the file name.
+
+    Args:
+        source: what lists them.
+    """
     places: dict[str, list[int]] = {}
     for i, name in enumerate(names):
         places.setdefault(PurePosixPath(name).name, []).append(i)

@@ -61,9 +61,14 @@ class Distractors(nn.Module):
         scale: float = 1.0,
     ):
         """Start every view's distractors; say so where there are too few views to judge by. Raises
-        ConfigError where a setting lies outside its range. `static`: of the static scene, both sets
-        share thresholds; `points`: of the reconstruction, if the scene starts from them; `scale`:
-        steps of the run for each nominal one."""
+        ConfigError where a setting lies outside its range.
+
+        Args:
+            config: of this run.
+            static: of the static scene; both sets share thresholds.
+            points: of the reconstruction, if the scene starts from them.
+            scale: steps of the run for each nominal one.
+        """
         super().__init__()
         check_ranges(config, "--pipeline.model.distractors")
         self.config = config
@@ -86,7 +91,12 @@ class Distractors(nn.Module):
 
     def look(self, step: Step, opacities: Float[Tensor, "N 1"], state: Mapping[str, Any]) -> None:
         """Apply the user's mask to the photo of a step, and find its regions, if that is due.
-        `opacities`: of the static Gaussians, logits; `state`: of their strategy, read only."""
+
+        Args:
+            step: with photo, static scene, background and mask; gets regions.
+            opacities: of the static Gaussians, logits.
+            state: of their strategy; it is read only.
+        """
         counted, photo = None, step.photo
         if step.mask is not None:
             step.photo, counted = apply_mask(photo, step.static_rgb, step.mask)

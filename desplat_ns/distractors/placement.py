@@ -24,7 +24,8 @@ LEAST_VIEWS = 2
 """Of two views nobody can tell which is right; a median of three holds against one."""
 
 FEW_VIEWS = 2 * LEAST_VIEWS + 1
-"""With fewer training photos a warning is said: of three, two occluded alike outvote the third."""
+"""With fewer training photos a warning is said: of three, two that are occluded alike outvote the
+third."""
 
 
 def about_few_views(num_views: int) -> str:

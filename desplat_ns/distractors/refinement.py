@@ -62,8 +62,12 @@ class DistractorDensifier:
         drawn: Rendering,
         weights_of: Callable[[RawParameters], Float[Tensor, " N"]],
     ) -> None:
-        """Sample a step in which `view` was `drawn`; refine it if that is due, by pruning alone
-        from `STOP_DENSIFY_AT` on. `weights_of`: gives what each makes up of the image, in pixels.
+        """Sample a step that drew `view`; refine its distractors if that is due, from
+        `STOP_DENSIFY_AT` on by pruning alone.
+
+        Args:
+            drawn: the rendering of this view's distractors in this step.
+            weights_of: gives what each makes up of the image, in pixels.
         """
         if step <= self.start:
             return

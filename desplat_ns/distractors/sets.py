@@ -24,8 +24,8 @@ class ViewDistractors:
     goes by, in the shapes that gsplat's operations expect."""
 
     def __init__(self, start: Mapping[str, Tensor]):
-        """`start`: raw parameters, N rows each, under the names that gsplat's strategy reads; N
-        changes in training."""
+        """`start`: raw parameters, N rows each, under the names that gsplat's strategy reads:
+        `scales` are logarithms, `opacities` logits. N changes in training."""
         self.params = {name: nn.Parameter(value) for name, value in start.items()}
         self.optimizer = adam([{"params": [each]} for each in self.params.values()])
         """A group for each name."""
@@ -110,7 +110,8 @@ def distractors_at(
     rgbs: Float[Tensor, "n 3"],
 ) -> dict[str, Tensor]:
     """Raw parameters of distractors at `DEPTH` in front of a camera, of colours in [0, 1], seen at
-    `pixels` (x, y), each half as wide as the spacing of so many `places` that cover the image."""
+    `pixels` (x, y). Each is half as wide as the spacing of as many `places` that cover the image.
+    """
     n = len(pixels)
     fx, fy, cx, cy = view.K[0, 0], view.K[1, 1], view.K[0, 2], view.K[1, 2]
     x, y = (pixels[:, 0] - cx) / fx, (pixels[:, 1] - cy) / fy

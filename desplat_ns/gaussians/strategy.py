@@ -39,7 +39,11 @@ def sample(
 ) -> None:
     """Add the gradients of a visit to the statistics in `state`, by which `refine` judges: gsplat's
     `_update_state` for a single camera, which does not let the host wait for numbers of rows.
-    `by_pixels`: of the summed loss by a shift of one pixel; else of its mean by half the image."""
+
+    The loss is a mean over width times height. gsplat multiplies its gradients by half the width
+    and height, as of a shift by half the image. `by_pixels` they are of the loss summed over all
+    pixels, by a shift of one pixel.
+    """
     means2d: Any = drawn.means2d
     height, width = drawn.alpha.shape[:2]
     gradients = (means2d.absgrad if strategy.absgrad else means2d.grad)[0].clone()

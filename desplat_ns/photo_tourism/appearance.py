@@ -30,8 +30,8 @@ HIDDEN_LAYERS, HIDDEN_WIDTH = 2, 128
 """Of the MLP, and units in each, as in the background's (B.3)."""
 
 ROWS_AT_ONCE = {"cpu": 2048, "cuda": 65536}
-"""Gaussians that pass through the network together: in a core's cache, or little of a GPU's memory.
-"""
+"""Gaussians that pass through the network together: their layers stay in a core's cache, or take a
+small part of a GPU's memory."""
 
 CENTRAL_QUANTILE = 0.97
 """Share of the points that set the scale of Fourier features: a few far ones do not count."""
@@ -86,7 +86,8 @@ def as_harmonics(splats: Splats) -> Splats:
 
 
 def hidden_layers(inputs: int, layers: int) -> nn.Sequential:
-    """So many linear layers of `HIDDEN_WIDTH` units, a ReLU in place after each."""
+    """`layers` linear layers of `HIDDEN_WIDTH` units, a ReLU after each, where they lie in the
+    cache."""
     modules: list[nn.Module] = []
     for width in (inputs, *[HIDDEN_WIDTH] * (layers - 1)):
         modules += [nn.Linear(width, HIDDEN_WIDTH), nn.ReLU(inplace=True)]

@@ -36,7 +36,8 @@ PRIOR_STD = (0.2, 0.2, 0.2, 0.1, 0.1)
 The mean is free: a lens darkens the corners of all photos alike."""
 
 OBSERVATIONS = 12
-"""Independent errors that a photo's pixels count for beside the prior: errors come in patches."""
+"""Independent errors that the pixels of a photo count for beside the prior of a fit: errors come in
+patches."""
 
 
 def squared_radius(view: View) -> Float[Tensor, "H W 1"]:

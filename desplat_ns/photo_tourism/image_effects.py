@@ -43,13 +43,15 @@ class ImageEffects(nn.Module):
 
     The embedding [E] of an image is all that is known of its light: the numbers of its camera's
     response, then what the networks of appearance and background read, as far as these are on. Both
-    are dense: Adam's momentum moves them on after the image's step, and B.3's rate is made for it.
+    are dense parameters, which Adam's momentum moves on after the step that saw the image; B.3's
+    rate is made for it.
     """
 
     def __init__(
         self, effects: Effects, appearance: AppearanceConfig, num_images: int, sh_degree: int
     ):
-        """Build what `effects` asks for; `sh_degree`: of the static set. Raises ConfigError."""
+        """Build what `effects` asks for; `sh_degree` is of the static Gaussians. Raises ConfigError
+        for sizes that no model can have."""
         check_ranges(appearance, "--pipeline.model.appearance")
         super().__init__()
         self.responses: nn.Parameter | None = None
@@ -93,7 +95,8 @@ class ImageEffects(nn.Module):
     def apply_camera_response(
         self, colors: Float[Tensor, "... 3"], view: View, embedding: Float[Tensor, " E"]
     ) -> Float[Tensor, "... 3"]:
-        """Colours >= 0 of the static scene, [3] or [H, W, 3], as the image's camera shows them."""
+        """Colours >= 0 of the static scene, one [3] or an image [H, W, 3], as the image's camera
+        shows them."""
         numbers = embedding[:NUMBERS]
         if self.responses is None or not (self.training or numbers.any()):
             return colors
@@ -127,7 +130,8 @@ class ImageEffects(nn.Module):
             groups["image_embeddings"] = [self.embeddings]
         if self.appearance is not None:
             groups["appearance_mlp"] = list(self.appearance.parameters())
-        if self.background is not None:  # background_encoder, background_sh_dc and so on
+        if self.background is not None:
+            # B.3 has a rate for each part: background_encoder, background_sh_dc, background_sh_rest
             for name, parameter in self.background.named_parameters():
                 groups.setdefault(f"background_{name.split('.')[0]}", []).append(parameter)
         return groups

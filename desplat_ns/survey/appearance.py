@@ -135,11 +135,15 @@ def appearance_finding(
     return Finding("appearance", decision, sure, reason, figures)
 
 
+# --- neighbours at a point ------------------------------------------------------------------------
+
+
 def neighbours(
     observations: Observations, has_point: Bool[np.ndarray, "V P"]
 ) -> Iterator[tuple[int, Int[np.ndarray, " N"], Int[np.ndarray, " N"]]]:
-    """For each photo, and of the photos that found a point (`has_point`) at most `NEIGHBOURS` with
-    the directions nearest to its own: its number, points, and for each of them another photo."""
+    """For each photo its number, points, and for each of these points another photo that found it
+    (`has_point`). There are at most `NEIGHBOURS` such triples for a photo: first the photos with
+    the direction nearest to its own, point by point, then the second nearest, and so on."""
     centers = np.array([view.position for view in observations.views])
     numbers = np.arange(len(centers))
     for row in range(len(centers)):

@@ -19,7 +19,8 @@ class Finding:
     decision: str
     """The value of the effect's switch that explains what was seen at the least cost."""
     confidence: Confidence
-    """`clear`: the deciding figures are off by a factor of `CLEAR`; `close`: less; `none`: safe."""
+    """`clear`: the deciding figures are off by a factor of `CLEAR`; `close`: by less; `none`:
+    safe."""
     reason: str
     """A sentence with the figures that decided."""
     figures: dict[str, float]

@@ -79,7 +79,8 @@ def mismatches(observations: Observations) -> tuple[list[str], str]:
 
 
 def mismatch_of(capture: DataparserOutputs) -> str:
-    """What makes training useless, seen in a few photos; empty: nothing. Raises as `observe`."""
+    """What makes training useless, seen in a few photos; empty if nothing does. Raises as
+    `observe`."""
     return mismatches(observe(capture, MOST_CHECKED))[1] if capture.image_filenames else ""
 
 

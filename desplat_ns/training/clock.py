@@ -16,7 +16,8 @@ other photos about one, once for each when the warm-up is over."""
 
 ADDED, SHARE = 85_000, 0.2
 """Gaussians by which a static set is expected to grow, times the root of a photo's megapixels (seen
-were 43,000 to 131,000 on 0.4 to 0.5); and of the refinements the share that says as much."""
+were 43,000 to 131,000 on 0.4 to 0.5); and the share of the refinements after which what has grown
+says as much of what will."""
 
 TRUST, MEMORY = 5.0, 60.0
 """Seconds of steps that say as much of the run's pace as the trial does; and after which a step

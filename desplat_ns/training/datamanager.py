@@ -89,7 +89,8 @@ class DeSplatDataManager(FullImageDatamanager[CaptureDataset]):
     config: DeSplatDataManagerConfig
 
     def create_train_dataset(self) -> CaptureDataset:
-        """Training photos, numbered. Raises CaptureError for fewer than two, or unusable ones."""
+        """Training photos, numbered. Raises CaptureError where they are fewer than two, or some
+        cannot be used."""
         dataset = super().create_train_dataset()
         if len(dataset) < 2:
             raise CaptureError(
@@ -197,6 +198,8 @@ class DeSplatDataManager(FullImageDatamanager[CaptureDataset]):
         if "unsampled" in state:
             self.train_unsampled_epoch_count = np.array(state["unsampled"])
 
+    # --- photos in memory --------------------------------------------------------------------
+
     def next_train(self, step: int) -> tuple[Cameras, Photo]:
         """The next view. Where its photo cannot be read (CaptureError), it stays the next one."""
         index = self.train_unseen_cameras[0]
@@ -226,7 +229,8 @@ class DeSplatDataManager(FullImageDatamanager[CaptureDataset]):
     def _load_images(
         self, split: Literal["train", "eval"], cache_images_device: Literal["cpu", "gpu"]
     ) -> Any:
-        """Photos by number: all, or `BoundedPhotos` if they do not fit beside the held-out ones."""
+        """Photos by their numbers: all of them, or `BoundedPhotos` of training where they do not
+        fit beside the held-out ones."""
         # Upstream pins memory for "cpu", which needs a CUDA driver; "gpu" means `self.device`.
         if torch.device(self.device).type == "cpu":
             cache_images_device = "gpu"

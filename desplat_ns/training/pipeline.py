@@ -91,9 +91,12 @@ class DeSplatPipeline(VanillaPipeline):
         figures = self._model.get_metrics_dict(outputs, batch) if self.is_logged else {}
         return outputs, self._model.get_loss_dict(outputs, batch, figures), figures
 
+    # --- evaluation --------------------------------------------------------------------------
+
     @contextmanager
     def static_scene(self) -> Iterator[None]:
-        """Within, the static scene is drawn, not in training, whatever an open viewer shows."""
+        """Within, the static scene is drawn, outside of training and whatever an open viewer
+        shows."""
         was_training = self.training
         self.eval()
         try:
@@ -128,7 +131,8 @@ class DeSplatPipeline(VanillaPipeline):
         return results
 
     def evaluate_held_out(self, show: Show) -> dict[str, Any]:
-        """What `ns-eval` writes; `show` gets the photos' pictures. Raises as `evaluate`."""
+        """What `ns-eval` writes of the held-out photos; `show` gets their pictures. Raises as
+        `evaluate`."""
         manager = self.datamanager
         paths = manager.eval_dataset.image_filenames
         return self._evaluated(manager.fixed_indices_eval_dataloader, paths, show, in_full=True)
@@ -142,6 +146,8 @@ class DeSplatPipeline(VanillaPipeline):
                 return evaluate_in_training(self._model, images, names, show)
             masks = self.datamanager.gt_masks()
             return evaluate(self._model, self.config.evaluation, images, names, masks, show)
+
+    # --- checkpoints -------------------------------------------------------------------------
 
     def scene_record(self) -> SceneRecord:
         """What a checkpoint of this pipeline belongs to."""

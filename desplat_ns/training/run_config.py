@@ -1,5 +1,6 @@
-"""Settings of a training run, and what is settled of them before it starts, for config.yml: the
-length of its schedules, its effects, its steps."""
+"""Settings of a training run, and what is settled of them before it starts: the length of its
+schedules, its effects, its steps. config.yml then has them.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass

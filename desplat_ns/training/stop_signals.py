@@ -13,7 +13,8 @@ STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 @contextmanager
 def on_stop_signal(stop: Callable[[str], None]) -> Iterator[None]:
     """Within, the first of `STOP_SIGNALS` calls `stop` with its name; the next ends the process.
-    Nothing is caught outside of the main thread, nor SIGHUP where nohup has it ignored."""
+    Nothing is caught outside of the main thread, which alone gets signals, nor SIGHUP where nohup
+    has it ignored."""
     previous = {number: signal.getsignal(number) for number in STOP_SIGNALS}
     if previous[signal.SIGHUP] is signal.SIG_IGN:
         del previous[signal.SIGHUP]

@@ -81,8 +81,10 @@ class DeSplatTrainer(Trainer):
     optimizers: GuardedOptimizers
     pipeline: DeSplatPipeline
 
-    def __init__(self, config: DeSplatTrainerConfig, **ranks: int) -> None:
-        super().__init__(config, **ranks)
+    def __init__(
+        self, config: DeSplatTrainerConfig, local_rank: int = 0, world_size: int = 1
+    ) -> None:
+        super().__init__(config, local_rank, world_size)
         train_on_where_logs_cannot_be_written()
         self._steps_done = 0
         self._saved: SavedRun | None = None
@@ -103,8 +105,9 @@ class DeSplatTrainer(Trainer):
     # --- before the first step ---------------------------------------------------------------
 
     def setup(self, test_mode: Literal["test", "val", "inference"] = "val") -> None:
-        """nerfstudio's, once the run's effects are decided. Raises DeSplatError where backend,
-        photos, checkpoint, budget or folder do not allow the run; no folder is left then."""
+        """nerfstudio's, once it is decided which effects the run has. Raises DeSplatError where
+        backend, photos, checkpoint, budget or folder do not allow the run; no folder is left then.
+        """
         config = self.config
         with ExitStack() as stack:
             stack.enter_context(run_folder(self.base_dir))
@@ -350,8 +353,9 @@ class DeSplatTrainer(Trainer):
         return loss.detach(), {name: term.detach() for name, term in terms.items()}, metrics
 
     def eval_iteration(self, step: int) -> None:
-        """Evaluate the static scene, where it is due; random generators stay as they were: a
-        resumed run may build a metric, which draws, at another step. If it fails, save first."""
+        """Evaluate the static scene, where it is due; random generators stay as they were, as a
+        resumed run builds a metric, which may draw, at another step. If it fails, what is trained
+        is saved before that ends the run."""
         config = self.config
         intervals = (config.steps_per_eval_batch, config.steps_per_eval_image)
         if not any(step_check(step, n) for n in (*intervals, config.steps_per_eval_all_images)):
@@ -409,7 +413,8 @@ class DeSplatTrainer(Trainer):
     # --- checkpoints -------------------------------------------------------------------------
 
     def _save_if_late(self, step: int) -> None:
-        """Save after a step and its refinement, `MOST_UNSAVED` seconds after the last save."""
+        """Save after a step, the refinement that follows it included, if the last save is
+        `MOST_UNSAVED` seconds ago."""
         if time.monotonic() >= self._save_by:
             self.save_checkpoint(step)
 

@@ -80,16 +80,20 @@ def _row_range(ranges, entry, block):
 
 @part()
 def _run(run, tile, grid):
-    """Image column and row of the first of the run-th BLOCK pixels of a tile, which lie in one row,
-    perhaps outside the image."""
+    """Image column and row of the first pixel of the run-th BLOCK pixels of a tile.
+
+    They follow one another along the row, and may lie outside the image.
+    """
     column = (tile % grid.tiles_x) * TILE + (run // TILE) * BLOCK
     return column, (tile // grid.tiles_x) * TILE + run % TILE
 
 
 @part()
 def _pixels_of(run, tile, grid):
-    """Of a run: its first place in the tile, the image's, and how many pixels are in the image; all
-    unsigned, for plain loops."""
+    """Of a run: its first place in the tile, the image's, and how many pixels are in the image.
+
+    Unsigned, for plain loops.
+    """
     x, y = _run(run, tile, grid)
     number = min(BLOCK, max(grid.width - x, 0)) if y < grid.height else 0
     return np.uint64(run * BLOCK), np.uint64(y * grid.width + x), np.uint64(number)
@@ -234,7 +238,8 @@ def backward_frame(lists, grid, frame, pulled, limits, grads, counter, workers):
 
 @kernel(parallel=True)
 def sum_rows(lists, grads, sums, counter, workers):
-    """Sum the rows of each Gaussian in float64, always in one order, into its row of `sums`."""
+    """Sum the rows of each Gaussian in float64, always in the same order, into its row of
+    `sums`."""
     ids, first_slot, entries = lists.ids, lists.first_slot, lists.entries
     for _ in numba.prange(workers):
         total, last = np.empty(WIDTH, np.float64), entries.size - 1

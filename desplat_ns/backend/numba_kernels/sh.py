@@ -116,7 +116,8 @@ def _slopes(places, coefficients, s):
 
 @kernel(fastmath=_LOOSE, parallel=True)
 def _evaluate(means, values, radii, center, places, coefficients, sizes, out, counter, workers):
-    """Colours [N, 3], 0 where culled, from coefficients [N, stored, 3]; (stored, used, is_cut)."""
+    """Colours [N, 3] from coefficients [N, stored, 3]; sizes = (stored, used, whether colours are
+    cut off at 0). 0 where culled."""
     stored, used, is_cut = sizes
     least = _ZERO if is_cut else -np.float32(np.inf)
     for _ in numba.prange(workers):

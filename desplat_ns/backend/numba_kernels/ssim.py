@@ -68,7 +68,8 @@ P1, P2, P3 = (np.uint64(k * STRIDE) for k in range(1, 4))
 NEXT, OF_Q, OF_R = np.uint64(IMAGE), np.uint64(SLOPES), np.uint64(2 * SLOPES)
 
 BAND = 4
-"""Blocks that a worker goes down at a time; MARGIN rows above them another one scores as well."""
+"""Blocks that a worker goes down at a time. Above the first it scores MARGIN rows that another one
+scores as well."""
 
 _C1, _C2 = np.float32(C1), np.float32(C2)
 
@@ -104,7 +105,7 @@ def _blur_of(of, a, i, step):
 
 @part(fastmath=LOOSE)
 def blur(a, i, step):
-    """The symmetric window over the values themselves."""
+    """The symmetric window over a[i], a[i + step], ... a[i + 10 step]."""
     return _blur_of(_value, a, i, step)
 
 
@@ -282,10 +283,12 @@ def score_image(images, shape, wanted, rates, sums, gradient, counter, workers):
     Args:
         images: x and y; and the weight of the distractors.
         shape: rows of an image, and numbers in one.
-        wanted: which blocks are, [down, across]. Others have no gradient, and SSIM where their
-            windows reach one that is.
-        rates: what L1 loses at weight 1; the result's gradients by the sums of SSIM and of L1.
+        wanted: whether a block is, [down, across]. Of others, those whose windows reach one that is
+            have their SSIM summed, and all have no gradient.
+        rates: what L1 loses at weight 1; the result's gradient by the sum of SSIM, and
+            by that of L1.
         sums: of SSIM over a block's windows and of L1 over its pixels, [down, across].
+        gradient: like x.
     """
     down, strips = sums[0].shape
     bands = (down + BAND - 1) // BAND
@@ -300,7 +303,8 @@ def score_image(images, shape, wanted, rates, sums, gradient, counter, workers):
 
 class Photometric(torch.autograd.Function):
     """(photo, distractor weight or None, leak, weight of SSIM, one image or two) -> the loss of
-    each. The gradient is worked out with the value, as most of the work is."""
+    each; see `backend/ssim.py`. The gradient is worked out with the value, as most of the work is.
+    """
 
     @staticmethod
     def forward(ctx, photo, weight, leak, ssim_weight, *images):  # type: ignore[override]
