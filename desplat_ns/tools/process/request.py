@@ -98,7 +98,8 @@ def find_photos(photos: Path, output: Path, mask: Path | None = None) -> list[st
         )
     if broken := [t for name in names if (t := text_of(name)) != name or min(name) < " "]:
         raise CaptureError(
-            f"Rename files of {photos} whose names are no plain text: {list_names(broken, 5)}."
+            f"{len(broken)} names in {photos} are no plain text: {list_names(broken, 5)}. Rename "
+            "these files."
         )
     if len(names) >= MIN_PHOTOS:
         begin_folder(photos, files)
