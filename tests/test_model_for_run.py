@@ -8,7 +8,7 @@ import psutil
 import pytest
 import torch
 
-from desplat_ns.distractors.config import MAX_WARMUP_VISITS, DistractorConfig
+from desplat_ns.distractors.config import WARMUP_VISITS, DistractorConfig
 from desplat_ns.model_config import DeSplatModelConfig
 from tests.helpers.small_model import HEIGHT, WIDTH, camera, make_model
 
@@ -28,7 +28,7 @@ def test_visits_are_counted_in_steps_of_the_run_whatever_its_length(steps, views
     """Nominal steps times the scale of the run, but for a rounding."""
     run, scale = run_of(steps, views, distractors=SEPARATING), steps / 30_000
     assert run.refine_every >= views // 2
-    assert run.distractors.warmup * scale <= MAX_WARMUP_VISITS * views + 1
+    assert run.distractors.warmup * scale <= WARMUP_VISITS[1] * views + 1
     every = run.distractors.steps_between_refinements(views, scale)
     assert every * scale >= SEPARATING.refine_visits * views - 1
     intervals = {run_of(steps, views, refine_every=n).reset_every for n in (10, 1000)}

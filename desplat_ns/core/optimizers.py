@@ -97,4 +97,7 @@ def load_moments(optimizers: Optimizers, saved: Mapping[str, Any]) -> None:
     """Bring back the optimizers' moments from a checkpoint, once the parameters have their saved
     shapes; rates, epsilons and the like stay those of this run's options."""
     for name, optimizer in optimizers.optimizers.items():
-        optimizer.load_state_dict({**optimizer.state_dict(), "state": saved[name]["state"]})
+        own = [{k: v for k, v in g.items() if k != "params"} for g in optimizer.param_groups]
+        optimizer.load_state_dict(saved[name])
+        for group, options in zip(optimizer.param_groups, own, strict=True):
+            group.update(options)

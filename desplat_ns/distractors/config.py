@@ -1,6 +1,7 @@
 """The settings of the distractor Gaussians, and the numbers that all methods share.
 
-Steps are nominal, of a run of the method's own length, but for `SHAPING_STEPS`.
+Steps are nominal, of a run of the method's own length, but for `WARMUP_STEPS` and
+`SHAPING_STEPS`.
 """
 
 from dataclasses import dataclass
@@ -31,14 +32,14 @@ steps. Splatfacto's."""
 MAX_WARMUP = 6_000
 """A warm-up by rule ends at this step at the latest: at a fifth of a run of 30,000."""
 
-MAX_WARMUP_VISITS = 15
-"""A warm-up by rule ends after so many visits of each view at the latest: what stands in one photo
-alone is learned in time. Learning rates are higher by as much as it is shorter for that."""
+WARMUP_STEPS, WARMUP_VISITS = 120, (8, 15)
+"""A warm-up by rule has so many steps of the run, but at least and at most so many visits of each
+view: what stands in one photo alone is learned in time."""
 
-SHAPING_STEPS, MIN_WARMUP_VISITS = 250, 8
-"""Steps of the run in which a scene takes shape, once it may be refined (`warmup_length`): the
-warm-up ends after so many, or after so many visits of each view if that is later. They do not
-shrink with the run: a step of Adam is as long as its rate."""
+SHAPING_STEPS = 250
+"""Steps of the run in which a scene takes shape, once it may be refined. Where the warm-up is
+shorter, learning rates are higher meanwhile (`early_rate_factor`). Steps do not shrink with the
+run: one of Adam is as long as its rate."""
 
 MOST_REFINEMENTS = 8
 """Of a view's distractors in a run, however long it is, with `start` residual."""
@@ -79,18 +80,15 @@ class DistractorConfig:
     """Opacity of a distractor at its start. Splatfacto's value."""
 
     def warmup_of(self, num_views: int, unrefined: int, scale: float = 1.0) -> tuple[int, int]:
-        """Length of the warm-up in a run, and what it would be if `MAX_WARMUP_VISITS` did not end
-        it; both in nominal steps, of which a step of the run makes 1 / `scale`.
-
-        Where `static_warmup` does not say it, it has at most `SHAPING_STEPS` after the static set's
-        `unrefined` first steps, or `MIN_WARMUP_VISITS` visits of each view if that is longer.
+        """Length of the warm-up in a run, and of the time in which the scene takes shape, at least
+        as long; both in nominal steps, of which a step of the run makes 1 / `scale`. `unrefined`:
+        first steps in which the static set is not refined.
         """
         if self.static_warmup is not None:
             return self.static_warmup, self.static_warmup
-        shaped = unrefined + SHAPING_STEPS / scale
-        longer = max(shaped, MIN_WARMUP_VISITS * num_views / scale)
-        wanted = min(MAX_WARMUP, round(longer))
-        return min(wanted, round(MAX_WARMUP_VISITS * num_views / scale)), wanted
+        least, most = (visits * num_views for visits in WARMUP_VISITS)
+        warmup = min(MAX_WARMUP, round(min(max(least, WARMUP_STEPS), most) / scale))
+        return warmup, min(MAX_WARMUP, max(warmup, round(unrefined + SHAPING_STEPS / scale)))
 
     @property
     def warmup(self) -> NominalStep:

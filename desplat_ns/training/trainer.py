@@ -380,6 +380,8 @@ class DeSplatTrainer(Trainer):
             raise self.optimizers.error(checkpoint_path(self.checkpoint_dir, self.step))
         writer.write_out_storage()
         self.preview.end(self._steps_done)
+        for callback in self.callbacks:
+            callback.run_callback_at_location(self.step, TrainingCallbackLocation.AFTER_TRAIN)
         if not self.ran_to_its_end:
             announce(f"Stopped. {self._how_to_go_on()}")
             return
