@@ -107,4 +107,6 @@ def rasterization(
     splats = Splats(means, quats, scales, opacities, colors, sh_degree)
     drawn = resolve("numba", "cpu")(splats, view, settings)
     image = drawn.rgb if drawn.depth is None else torch.cat([drawn.rgb, drawn.depth], dim=-1)
-    return image[None], drawn.alpha[None], {"means2d": drawn.means2d, "radii": drawn.radii[None]}
+    info = {"means2d": drawn.means2d, "radii": drawn.radii[None], "gaussian_ids": None}
+    info |= {"width": width, "height": height, "n_cameras": 1}
+    return image[None], drawn.alpha[None], info
