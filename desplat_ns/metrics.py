@@ -80,6 +80,7 @@ class LazyLpips:
     call gives None, `reason` says why, and the console says so once."""
 
     def __init__(self, normalize: bool = True) -> None:
+        self.normalize = normalize
         self.net: LpipsNet = "alex"
         self.reason: str | None = None
         """Why there is no LPIPS; None as long as nothing is in its way."""
@@ -111,7 +112,7 @@ class LazyLpips:
         timeout = socket.getdefaulttimeout()
         socket.setdefaulttimeout(DOWNLOAD_TIMEOUT)
         try:
-            metric = LearnedPerceptualImagePatchSimilarity(self.net, normalize=True)
+            metric = LearnedPerceptualImagePatchSimilarity(self.net, normalize=self.normalize)
             self._metric = metric.to(device)
         # A missing network shows as URLError, OSError, RuntimeError (bad hash) or others by proxy;
         # none of them is worth losing an evaluation.
