@@ -24,9 +24,9 @@ FULL_RATE_VISITS, SETTLING = 150.0, 0.2
 """Visits of each photo for which Splatfacto's learning rates are right, and the share of a run in
 which they fall to 0 (docs/results/speed.md, "Learning rates")."""
 
-VISITS, QUICK_VISITS = 75.0, 25.0
-"""Visits of each photo by `desplat` and by `desplat-quick` (docs/results/speed.md, "How long to
-train")."""
+VISITS, QUICK_VISITS, TOURISM_VISITS = 37.5, 15.0, 75.0
+"""Visits of each photo by `desplat`, `desplat-quick` and `desplat-phototourism`
+(docs/results/speed.md, "How long to train")."""
 
 PHOTO_TOURISM_STEPS, BACKGROUND_STEPS = 200_000, 100_000
 """The same for Photo Tourism, and steps at most in which the background's rates fall: as in the
@@ -154,7 +154,7 @@ desplat = _method(
 
 desplat_quick = _method(
     "desplat-quick",
-    "DeSplat for a first look: 25 visits of each photo, 1,000 steps for 40; minutes on a laptop.",
+    "DeSplat for a first look: 15 visits of each photo, 600 steps for 40; minutes on a laptop.",
     desplat_model(EffectsConfig(auto=True)),
     visits=QUICK_VISITS,
 )
@@ -169,7 +169,7 @@ desplat_phototourism = _method(
     "desplat-phototourism",
     "DeSplat for tourists' photos: `desplat` with light and sky of each photo's own.",
     desplat_model(EffectsConfig(appearance="affine", background="image")),
-    visits=VISITS,
+    visits=TOURISM_VISITS,
 )
 
 desplat_phototourism_paper = _method(

@@ -29,7 +29,7 @@ class PhotosToPage:
     """Wall time of all parts together, for example 20min. Without it, as long as the number of
     photos asks for, which is told before the first step."""
     method: Literal["desplat", "desplat-quick", "desplat-phototourism"] = "desplat"
-    """desplat-quick for a first look, in a third of the time; desplat-phototourism for photos of
+    """desplat-quick for a first look, in half of the time; desplat-phototourism for photos of
     tourists, whose light, sky and people all differ."""
 
     def main(self) -> None:
