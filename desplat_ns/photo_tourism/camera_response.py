@@ -51,7 +51,7 @@ def squared_radius(view: View) -> Float[Tensor, "H W 1"]:
 
 def camera_response(
     rgb: Float[Tensor, "*#pixels 3"],
-    numbers: Float[Tensor, " 5"],
+    numbers: Float[Tensor, "*P 5"],
     radius2: Float[Tensor, "*#pixels 1"],
 ) -> Float[Tensor, "... 3"]:
     """gain exp(v r^2) ((c + f)^gamma - f^gamma), channel by channel: c where all numbers are 0.
@@ -61,7 +61,7 @@ def camera_response(
 
     Args:
         rgb: colours >= 0; 1 is the brightest that an average photo shows.
-        numbers: log gain of each channel, log gamma, v.
+        numbers: log gain of each channel, log gamma, v; in a list also those of each pixel's photo.
         radius2: of `squared_radius`.
     """
     # A gradient summed by columns first has the same bits for any number of torch's threads.
@@ -69,6 +69,41 @@ def camera_response(
     gamma = numbers[:, 3:4].exp()
     toned = torch.exp(gamma * torch.log(rgb + FLOOR)) - torch.exp(gamma * math.log(FLOOR))
     return toned * torch.exp(numbers[:, :3] + numbers[:, 4:] * radius2)
+
+
+def scene_colors(
+    shown: Float[Tensor, "P 3"], numbers: Float[Tensor, "*P 5"], radius2: Float[Tensor, "P 1"]
+) -> Float[Tensor, "P 3"]:
+    """The inverse of `camera_response`, by the numbers of a photo or of each pixel's."""
+    gamma = numbers[..., 3:4].exp()
+    toned = shown * torch.exp(-numbers[..., :3] - numbers[..., 4:] * radius2)
+    return (toned + torch.exp(gamma * math.log(FLOOR))) ** (1 / gamma) - FLOOR
+
+
+def response_step(
+    numbers: Float[Tensor, " 5"],
+    rgb: Float[Tensor, "P 3"],
+    photo: Float[Tensor, "P 3"],
+    radius2: Float[Tensor, "P 1"],
+    weight: Float[Tensor, "P 3"],
+    prior: Float[Tensor, "5 5"],
+    mean: Float[Tensor, " 5"],
+) -> Float[Tensor, " 5"]:
+    """The numbers after a step of Gauss-Newton to those with which the scene's colours come closest
+    to a photo's. Everything is in double precision.
+
+    Args:
+        weight: of the squared differences.
+        prior: weight of the products of what the numbers differ from `mean`.
+    """
+    unit = torch.eye(NUMBERS).to(rgb)
+    image, by_gamma = jvp(lambda n: camera_response(rgb, n, radius2), (numbers,), (unit[3],))[:2]
+    by_gain = (image * channel for channel in unit[:3, :3])
+    slopes = torch.stack([*by_gain, by_gamma, image * radius2], dim=-1).reshape(-1, NUMBERS)
+    weighted = weight.reshape(-1, 1) * slopes
+    wanted = weighted.T @ (photo - image).reshape(-1) - prior @ (numbers - mean)
+    step = torch.linalg.solve(slopes.T @ weighted + prior, wanted)
+    return (numbers + step.clamp(-0.5, 0.5)).clamp(-3, 3)
 
 
 @torch.no_grad()
@@ -93,29 +128,19 @@ def fit_response(
     if len(rgb) == 0:
         return mean.float()
     prior = len(rgb) / OBSERVATIONS * torch.tensor(PRIOR_STD).to(rgb).pow(-2).diag()
-    unit = torch.eye(NUMBERS).to(rgb)
-
-    def response(numbers: Tensor) -> Tensor:
-        return camera_response(rgb, numbers, radius2)
 
     def fitted(widest: float) -> tuple[float, Tensor]:
         numbers, loss = mean, rgb.new_zeros(())
         for i in range(FIT_ROUNDS + 1):
             scale = OUTLIER * max(1.0, widest * 0.75**i)
-            image, by_gamma = jvp(response, (numbers,), (unit[3],))[:2]
-            error = (photo - image).reshape(-1)
+            error = photo - camera_response(rgb, numbers, radius2)
             share = (1 + (error / scale).square()).reciprocal()
             ridge = prior * (1.4826 * error.abs().median()).clamp(min=FLOOR).square()
-            pull = ridge @ (numbers - mean)
-            loss = (1 - share).sum() + (numbers - mean) @ pull / scale**2
+            off = numbers - mean
+            loss = (1 - share).sum() + off @ ridge @ off / scale**2
             if i == FIT_ROUNDS:
                 break
-            by_gain = (image * channel for channel in unit[:3, :3])
-            slopes = torch.stack([*by_gain, by_gamma, image * radius2], dim=-1).reshape(-1, NUMBERS)
-            weight = share.square()[:, None]
-            normal = slopes.T @ (weight * slopes) + ridge
-            step = torch.linalg.solve(normal, slopes.T @ (weight[:, 0] * error) - pull)
-            numbers = (numbers + step.clamp(-0.5, 0.5)).clamp(-3, 3)
+            numbers = response_step(numbers, rgb, photo, radius2, share.square(), ridge, mean)
         return float(loss), numbers
 
     return min((fitted(widest) for widest in (10.0, 1.0)), key=lambda end: end[0])[1].float()

@@ -1,21 +1,25 @@
 """The light of each photo, as a few numbers for the whole image, fitted to the points' colours.
 
-A photo i shows a point p of true colour T in channel c as
-
-    log photo_ipc = gain_ic + gamma_i log T_pc + vignetting_i rho^2 + lens rho^4 + noise
-
-where rho is the distance from the middle of the photo over that of its corners. Both sides are
-values of the files, between 0 and 1. Gains are 0 and gammas 1 in the mean of the photos: a light
-that all have in common belongs to the scene. All photos share `lens`: rho^2 alone does not explain
-how steeply some lenses darken the corners, and what it leaves looks like shade.
+A photo shows a point as `camera_response` shows its true colour, times exp(lens rho^4), where rho
+is the distance from the middle of the photo over that of its corners. Logarithms of gains and gamma
+are 0 in the mean of the photos: a light that all have in common belongs to the scene. All photos
+share `lens`: rho^2 alone does not explain how steeply some lenses darken the corners, and what it
+leaves looks like shade.
 Letters in shapes: V photos, P points, M observations that count.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
+import torch
 from jaxtyping import Float, Int
 
+from desplat_ns.photo_tourism.camera_response import (
+    NUMBERS,
+    camera_response,
+    response_step,
+    scene_colors,
+)
 from desplat_ns.survey.observations import Observations
 
 ITERATIONS = 20
@@ -24,8 +28,9 @@ DARKEST = 0.02
 """Values that are nearer to 0 or 1 are clipped: what the camera saw there is not known."""
 DARK = 0.08
 """A value of this size counts a quarter: what the camera adds as noise is a larger part of it."""
-PRIOR = np.array([0.1, 0.1, 0.1, 2.5, 10.0])
-"""Observations that speak for gains 0, gamma 1, no vignetting: a photo with few keeps its light."""
+PRIOR = (0.1, 0.1, 0.1, 2.5, 10.0)
+"""Observations that speak for each number being 0: a photo with few keeps its light. Of gains they
+hold the change at the mean brightness, whatever gamma is."""
 JOINT_PRIOR = 0.001
 """Observations that hold all gains, whose common part nothing determines, when they are changed."""
 LENS_PRIOR = 1.0
@@ -39,9 +44,8 @@ LOWEST = 1 / 255
 class PhotoLight:
     """The fitted light and what it was fitted to."""
 
-    gains: Float[np.ndarray, "V 3"]
-    gammas: Float[np.ndarray, " V"]
-    vignetting: Float[np.ndarray, " V"]
+    numbers: Float[np.ndarray, "V 5"]
+    """Of each photo's `camera_response`."""
     lens: float
     photo: Int[np.ndarray, " M"]
     """Which photo an observation is of, ascending."""
@@ -59,10 +63,8 @@ class PhotoLight:
         self, row: int, colors: Float[np.ndarray, "*N 3"], rho2: Float[np.ndarray, "*N"]
     ) -> Float[np.ndarray, "*N 3"]:
         """Colours of one photo, seen at rho^2, as the mean light would show them."""
-        logs = np.log(np.maximum(colors, LOWEST)) - self.gains[row]
-        darker = (self.vignetting[row] + self.lens * rho2) * rho2
-        logs = (logs - darker[..., None]) / self.gammas[row]
-        return np.exp(np.minimum(logs, 1.0))
+        colors = np.maximum(colors, LOWEST) / np.exp(self.lens * rho2**2)[..., None]
+        return np.minimum(_inverse(colors, self.numbers[row], rho2), np.e)
 
 
 def from_middle(
@@ -80,21 +82,22 @@ def fit_light(observations: Observations) -> PhotoLight:
     use &= use.sum(axis=0) >= 2
     photo, point = np.nonzero(use)
     colors = observations.colors[photo, point].astype(np.float64)
-    logs = np.log(np.maximum(colors, LOWEST))
     weight = (colors / (colors + DARK)) ** 2
     sizes = np.array([view.size for view in observations.views])
     rho2 = from_middle(sizes[photo], observations.places[photo, point])
     rho4 = np.repeat(rho2[:, None] ** 2, 3, axis=1)
     count, num_points = use.shape
-    gains, gammas, vignetting, lens = np.zeros((count, 3)), np.ones(count), np.zeros(count), 0.0
+    numbers, lens = np.zeros((count, NUMBERS)), 0.0
     ends, trust = np.searchsorted(photo, np.arange(count + 1)), np.ones((len(photo), 1))
 
     def explain() -> tuple[np.ndarray, np.ndarray]:
-        """Colours that fit the lights best, and what both leave."""
-        offset = gains[photo] + (vignetting[photo] * rho2)[:, None] + lens * rho4
-        scale = gammas[photo, None]
-        true = _means(point, (logs - offset) / scale, weight * trust * scale**2, num_points)
-        return true, logs - offset - scale * true[point]
+        """Colours that fit the lights best, and what both leave, in log."""
+        seen, own = colors / np.exp(lens * rho4), numbers[photo]
+        sure = weight * trust * np.exp(2 * own[:, 3:4])
+        logs = np.log(np.maximum(_inverse(seen, own, rho2), LOWEST))
+        true = np.exp(_means(point, logs, sure, num_points))
+        shown = camera_response(*_tensors(true[point], own, rho2[:, None])).numpy()
+        return true, np.log(seen) - np.log(shown)
 
     for _ in range(ITERATIONS + 1):  # all photos have one light
         before = explain()[1]
@@ -103,27 +106,44 @@ def fit_light(observations: Observations) -> PhotoLight:
     for _ in range(ITERATIONS if len(photo) else 0):
         true, residual = explain()
         trust = _trust(residual)
-        middle = float(np.average(true[point], weights=weight))
+        prior = _prior(float(np.average(np.log(true[point]), weights=weight)))
+        seen, sure = colors / np.exp(lens * rho4), trust / (colors + DARK) ** 2
         for row in range(count):
             part = slice(ends[row], ends[row + 1])
-            shown, sure = true[point[part]], weight[part] * trust[part]
-            seen = logs[part] - lens * rho4[part]
-            solution = _solve(shown, middle, rho2[part], seen, sure)
-            gains[row], gammas[row], vignetting[row] = solution[:3], solution[3], solution[4]
-        gammas /= gammas.mean()
+            own, rgb, shown = _tensors(numbers[row], true[point[part]], seen[part])
+            radius2, weights = _tensors(rho2[part, None], sure[part])
+            neutral = torch.zeros_like(own)
+            after = response_step(own, rgb, shown, radius2, weights, prior, neutral)
+            numbers[row] = after.numpy()
+        numbers[:, 3] -= numbers[:, 3].mean()
         _, residual = explain()
-        gains += _joint_gains(photo, point, residual, weight * trust, use.shape)
-        gains -= gains.mean(axis=0)
+        numbers[:, :3] += _joint_gains(photo, point, residual, weight * trust, use.shape)
+        numbers[:, :3] -= numbers[:, :3].mean(axis=0)
         # At once with the points' colours, as the gains: differences from a point's mean count.
         sure, (_, residual) = weight * trust, explain()
         corner = rho4 - _means(point, rho4, sure, num_points)[point]
         change = (sure * corner * residual).sum() - 3 * LENS_PRIOR * lens
         lens += float(change / ((sure * corner**2).sum() + 3 * LENS_PRIOR))
     true, residual = explain()
-    change = logs - residual - true[point]
-    return PhotoLight(
-        gains, gammas, vignetting, lens, photo, point, change, residual, before, weight
-    )
+    change = np.log(colors) - residual - np.log(true[point])
+    return PhotoLight(numbers, lens, photo, point, change, residual, before, weight)
+
+
+def _tensors(*arrays: np.ndarray) -> list[torch.Tensor]:
+    return [torch.from_numpy(array) for array in arrays]
+
+
+def _inverse(seen: np.ndarray, numbers: np.ndarray, rho2: np.ndarray) -> np.ndarray:
+    """`scene_colors`, of arrays."""
+    return scene_colors(*_tensors(seen, numbers, rho2[..., None])).numpy()
+
+
+def _prior(middle: float) -> torch.Tensor:
+    """`PRIOR` as a matrix: of the light's change at the brightness exp(middle), gamma and the
+    vignetting."""
+    at_middle = torch.eye(NUMBERS, dtype=torch.float64)
+    at_middle[:3, 3] = middle
+    return at_middle.T @ torch.tensor(PRIOR, dtype=torch.float64).diag() @ at_middle
 
 
 def _trust(residual: np.ndarray) -> np.ndarray:
@@ -156,22 +176,6 @@ def _joint_gains(
         right = (wanted - share * wanted.sum(axis=0)).sum(axis=1)
         changes[:, channel] = np.linalg.solve(left, right)
     return changes
-
-
-def _solve(
-    true: np.ndarray, middle: float, rho2: np.ndarray, logs: np.ndarray, weight: np.ndarray
-) -> np.ndarray:
-    """One photo's gains [3], gamma and vignetting. The unknowns are the light's change at the
-    brightness `middle`, where `PRIOR` holds, gamma - 1 and vignetting."""
-    rows = np.zeros((len(true), 3, 5))
-    rows[:, np.arange(3), np.arange(3)] = 1
-    rows[:, :, 3] = true - middle
-    rows[:, :, 4] = rho2[:, None]
-    flat, sure = rows.reshape(-1, 5), weight.reshape(-1, 1)
-    left = flat.T @ (sure * flat) + np.diag(PRIOR)
-    solution = np.linalg.solve(left, flat.T @ (sure[:, 0] * (logs - true).reshape(-1)))
-    steeper = np.clip(solution[3], -0.8, 4.0)
-    return np.array([*(solution[:3] - steeper * middle), 1 + steeper, solution[4]])
 
 
 def _means(index: np.ndarray, values: np.ndarray, weight: np.ndarray, size: int) -> np.ndarray:

@@ -4,7 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import torch
 
+from desplat_ns.photo_tourism.camera_response import camera_response
 from desplat_ns.survey.observations import Observations, View, observe
 from desplat_ns.survey.photo_light import fit_light
 from lab.synthetic import DaylightSpec
@@ -20,9 +22,10 @@ def test_fitted_lights_are_those_that_the_photos_were_taken_in(make_capture, sma
     gammas = np.array([lighting.gamma for lighting in true])
     gains = np.log([lighting.gain * np.array(lighting.tint) for lighting in true])
     # What all share belongs to the scene: gammas over their mean, gains about a line in gamma.
-    np.testing.assert_allclose(light.gammas, gammas / gammas.mean(), atol=0.05)
+    fitted = np.exp(light.numbers[:, 3])
+    np.testing.assert_allclose(fitted, gammas / np.exp(np.log(gammas).mean()), atol=0.05)
     shown = gains + gammas[:, None] * np.log(0.5)
-    fitted = light.gains + light.gammas[:, None] * np.log(0.5)
+    fitted = light.numbers[:, :3] + fitted[:, None] * np.log(0.5)
     spread = (shown - shown.mean(axis=0)) - (fitted - fitted.mean(axis=0))
     assert np.abs(spread).max() < 0.1
     assert np.abs(shown - shown.mean(axis=0)).max() > 0.25
@@ -60,13 +63,14 @@ def test_a_light_that_creeps_along_a_walk_is_found_to_its_end():
     """Photo by photo the ends would have come a part of the way only: see `_joint_gains`."""
     gains = np.linspace(-0.3, 0.3, 30)
     light = fit_light(chain(gains))
-    fitted = light.gains.mean(axis=1) + (light.gammas - 1) * np.log(0.4)
+    fitted = light.numbers[:, :3].mean(axis=1) + np.expm1(light.numbers[:, 3]) * np.log(0.4)
     assert fitted[-1] - fitted[0] == pytest.approx(0.6, abs=0.1)
 
 
 def test_a_light_taken_back_gives_the_colour_under_the_mean_light(still):
     light = replace(fit_light(observe(still)), lens=-0.3)
-    light.gains[0], light.gammas[0], light.vignetting[0] = [0.1, 0.0, -0.1], 1.3, -0.2
-    true = np.array([[0.5, 0.25, 0.7]])
-    photo = np.exp(np.array([0.1, 0.0, -0.1]) + 1.3 * np.log(true) - 0.2 * 0.4 - 0.3 * 0.4**2)
-    np.testing.assert_allclose(light.neutral(0, photo, np.array([0.4])), true, rtol=1e-12)
+    light.numbers[0] = [0.1, 0.0, -0.1, 0.3, -0.2]
+    true, rho2 = np.array([[0.5, 0.25, 0.7]]), np.array([0.4])
+    shown = camera_response(*map(torch.from_numpy, (true, light.numbers[0], rho2[:, None])))
+    photo = shown.numpy() * np.exp(-0.3 * rho2**2)
+    np.testing.assert_allclose(light.neutral(0, photo, rho2), true, rtol=1e-12)
