@@ -3,6 +3,7 @@ was finite, remember and commit."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import torch
@@ -29,6 +30,10 @@ from desplat_ns.step import Step
 
 STOP_PLACING_AT = 27_000
 """Nominal step from which none is placed or removed for its place any more."""
+
+FOUNDING_AGAIN_AT = 22_500
+"""Nominal step from which a visit finds new regions as the first one does: the scene has learned
+most of what it will, and what passed only here and there is masked in time."""
 
 LOOK_EVERY = 3
 """In one round of visits in this number the photos are compared with the static scene."""
@@ -148,9 +153,9 @@ class Distractors(nn.Module):
         if is_warmup or not self.sweep.is_ready(step.index, photo.device):
             return  # in the latter case its next visit looks again
         comparison = replace(comparison, counted=counted)  # skies within a thing's outline are it
-        step.regions = decide(
-            comparison, lambda: self.sweep.unexplained(step.index, photo.device), by
-        )
+        earlier = self.regions.get(step.index) if step.nominal < FOUNDING_AGAIN_AT else None
+        unexplained = partial(self.sweep.unexplained, step.index, photo.device)
+        step.regions = decide(comparison, unexplained, by, earlier)
 
     def remember(self, step: Step, state: dict[str, Any]) -> None:
         """Take up what a step learned of the views, before the static set is refined, whose rows it

@@ -30,15 +30,14 @@ class Thresholds:
     strong_share: float = 0.4
     """Share of a region's cells, of those of which anybody knows, that are strong or touch a strong
     one: in foliage single cells stand out."""
-    peak_levels: float = 10.0
-    """Evidence of one of its cells, in levels of the view, but at most `most_peak`: while the scene
-    is not learned, places stand out that it learns later unless they are left out."""
-    most_peak: float = 0.4
     trusted: float = 3.0
     """Times what is unexplained, the excess counts at most where the scene is known: a thing may
     look like something else at some depth by chance."""
     doubted: float = 0.5
     """The same where it is not: the excess itself is doubtful."""
+    later: float = 0.2
+    """Unexplained difference of a cell that founds a region where there was none at the photo's
+    last visit: what stands out only then may be something that the scene is about to learn."""
     votes: float = 0.1
     """Opacity per cell of the Gaussians around it: with more, the scene is known."""
     opacity: float = 0.5
@@ -93,13 +92,14 @@ def decide(
     comparison: Comparison,
     unexplained: Callable[[], Float[Tensor, "r c"] | None],
     by: Thresholds = Thresholds(),
+    earlier: Bool[Tensor, "r c"] | None = None,
 ) -> Bool[Tensor, "rows columns"]:
     """Where a photo shows what other views do not, on the grid of `grid_of`; masked cells are in no
     region.
 
     A region is made of connected cells with an evidence (`evidence_of`) above `by.weak`. Of those
-    of which anybody knows, `by.strong_share` have more than `by.strong` or touch one that has, and
-    one has more than `by.peak_levels` * level, `by.most_peak` at most.
+    of which anybody knows, `by.strong_share` have more than `by.strong` or touch one that has; one
+    that has was in a region `earlier`, or more than `by.later` of it is unexplained.
 
     Args:
         unexplained: gives that of the photo, by `PlaneSweep.unexplained`, on any grid; None where
@@ -109,20 +109,21 @@ def decide(
     excess, counted = comparison.excess, comparison.counted
     rows, columns = excess.values.shape
     grid = columns, rows
-    needed = (by.peak_levels * excess.level).clamp(by.strong, max(by.strong, by.most_peak))
-    peaks = excess.values > needed
-    if peaks.is_cpu and not peaks.numpy().any():  # as in most photos, which then cost no more
-        return peaks
-    evidence, is_known = evidence_of(excess, unexplained(), by)
-    peaks = (evidence > needed) & is_known
-    if peaks.is_cpu and not peaks.numpy().any():
-        return peaks
+    if excess.values.is_cpu and not (excess.values.numpy() > by.strong).any():
+        return torch.zeros_like(excess.values, dtype=torch.bool)  # as most photos, at no more cost
+    evidence, left = evidence_of(excess, unexplained(), by)
+    strong, is_known = evidence > by.strong, ~left.isnan()
+    founding = strong & is_known
+    if earlier is not None:
+        founding &= (pooled(earlier.to(left)[..., None], grid)[0] > 0) | (left > by.later)
+    if founding.is_cpu and not founding.numpy().any():
+        return founding
     alike = shared_detail(comparison.static, comparison.photo, by)
     has_foreign_detail = pooled(alike[..., None], grid)[0] <= by.shared_detail
     weak = (evidence > by.weak) & has_foreign_detail
     colors = pooled(comparison.photo.permute(1, 2, 0), grid)
-    regions = outlier_regions(weak, is_known, evidence > by.strong, peaks, by)
-    found = torch.zeros_like(peaks)
+    regions = outlier_regions(weak, is_known, strong, founding, by)
+    found = torch.zeros_like(founding)
     for part, window in zip(regions, (by.outline_window, by.small_window), strict=True):
         if part is not None:
             found |= along_edges(part, colors, window, by.outline_noise)
@@ -200,22 +201,23 @@ def own_sky(
 
 def evidence_of(
     excess: Excess, unexplained: Float[Tensor, "r c"] | None, by: Thresholds = Thresholds()
-) -> tuple[Float[Tensor, "rows columns"], Bool[Tensor, "rows columns"]]:
+) -> tuple[Float[Tensor, "rows columns"], Float[Tensor, "rows columns"]]:
     """How much speaks for something in the way, in colours in [0, 1]: the excess, but not more than
-    `by.trusted` or `by.doubted` times what other photos leave unexplained; and where anybody knows.
+    `by.trusted` or `by.doubted` times what other photos leave unexplained; and how much these do.
 
     Args:
-        unexplained: NaN where nobody knows; there the excess is returned.
+        unexplained: NaN where nobody knows; there the excess is returned, and NaN.
     """
     if unexplained is None:
-        return excess.values, torch.ones_like(excess.values, dtype=torch.bool)
+        return excess.values, torch.full_like(excess.values, torch.inf)
     rows, columns = excess.values.shape
     known = (~unexplained.isnan()).to(excess.values)
     left = pooled(unexplained.to(excess.values).nan_to_num()[..., None], (columns, rows))[0]
     is_known = pooled(known[..., None], (columns, rows))[0] >= 0.5
     times = torch.where(excess.votes >= by.votes, by.trusted, by.doubted)
     limited = torch.minimum(excess.values, times * left)
-    return torch.where(is_known, limited, excess.values), is_known
+    evidence = torch.where(is_known, limited, excess.values)
+    return evidence, left.masked_fill(~is_known, torch.nan)
 
 
 # --- detail ---------------------------------------------------------------------------------------
@@ -248,23 +250,23 @@ def outlier_regions(
     weak: Bool[Tensor, "rows columns"],
     is_known: Bool[Tensor, "rows columns"],
     strong: Bool[Tensor, "rows columns"],
-    peaks: Bool[Tensor, "rows columns"],
+    founding: Bool[Tensor, "rows columns"],
     by: Thresholds = Thresholds(),
 ) -> list[Bool[Tensor, "rows columns"] | None]:
     """Connected weak cells of whose known ones `by.strong_share` are strong or touch a strong one,
-    and one is a peak, found on the host; gaps are closed and holes filled. What is in the way is in
+    and one founds it, found on the host; gaps are closed and holes filled. What is in the way is in
     places coloured like what it covers, and noise above the lower threshold alone is no reason.
     First those of at least half of `by.outline_window`'s cells, then the smaller; None for none.
 
     Source: hysteresis of Canny 1986; the share is ours.
     """
-    weak_, known, strong_, peaks_ = masks_to_host(weak, weak & is_known, weak & strong, peaks)
+    weak_, known, strong_, start = masks_to_host(weak, weak & is_known, weak & strong, founding)
     labels = _parts(weak_)
     near = cv2.dilate((strong_ & known).astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
-    cells, near_cells, peak_cells = (
-        np.bincount(labels[known & of], minlength=labels.max() + 1) for of in (known, near, peaks_)
+    cells, near_cells, start_cells = (
+        np.bincount(labels[known & of], minlength=labels.max() + 1) for of in (known, near, start)
     )
-    found = ((peak_cells > 0) & (near_cells >= by.strong_share * cells))[labels]
+    found = ((start_cells > 0) & (near_cells >= by.strong_share * cells))[labels]
     labels = _parts(_without_holes(_closed(found)))
     is_large = np.bincount(labels.ravel())[labels] >= by.outline_window**2 // 2
     both = (labels > 0) & is_large, (labels > 0) & ~is_large

@@ -26,8 +26,8 @@ EXPECTED_WINDOW = 5
 """Cells (an odd number) over which Gaussians say what is expected."""
 
 LEVEL_QUANTILE = 0.25
-"""A view's level is this quantile of its residuals: right as long as occluders cover less than
-three quarters of it."""
+"""A view's level is this quantile of its residuals, which falls as the scene is learned: right as
+long as occluders cover less than three quarters of the view."""
 
 MEDIAN_STEP = 0.1
 """Step of a Gaussian's running median, in units of the residual's logarithm."""
@@ -68,8 +68,6 @@ class Excess:
 
     values: Float[Tensor, "rows columns"]
     """In colours in [0, 1]; below 0 where a residual is smaller than expected."""
-    level: Float[Tensor, ""]
-    """`LEVEL_QUANTILE` of the view's residuals; it falls as the scene is learned."""
     votes: Float[Tensor, "rows columns"]
     """Opacity per cell of the Gaussians around it that say what is expected."""
 
@@ -103,7 +101,7 @@ def excess_residual(
     residual_medians = torch.add(residual_medians, off * inside, alpha=MEDIAN_STEP)
     values = residual - level * expected.exp()
     values = values if counted is None else values.masked_fill(~counted, 0.0)
-    return Excess(values, level, votes), residual_medians
+    return Excess(values, votes), residual_medians
 
 
 def level_of(

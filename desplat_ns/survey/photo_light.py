@@ -63,6 +63,7 @@ class PhotoLight:
         self, row: int, colors: Float[np.ndarray, "*N 3"], rho2: Float[np.ndarray, "*N"]
     ) -> Float[np.ndarray, "*N 3"]:
         """Colours of one photo, seen at rho^2, as the mean light would show them."""
+        rho2 = np.minimum(rho2, 1.0)  # what is outside of the photo does not count
         colors = np.maximum(colors, LOWEST) / np.exp(self.lens * rho2**2)[..., None]
         return np.minimum(_inverse(colors, self.numbers[row], rho2), np.e)
 

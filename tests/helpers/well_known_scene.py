@@ -64,13 +64,17 @@ class WellKnownScene:
         mask: torch.Tensor | None = None,
         unexplained: torch.Tensor | None = None,
         background: BackgroundGrade = "off",
+        earlier: torch.Tensor | None = None,
     ) -> torch.Tensor:
-        """Its regions; the photo is remembered. `unexplained` of it, if other photos were asked."""
+        """Its regions; the photo is remembered. `unexplained` of it, if other photos were asked;
+        regions of an `earlier` visit, if there was one."""
         five = cameras()[torch.zeros(5, dtype=torch.long)]
         config = DistractorConfig(start="residual", static_warmup=0)
         at_hand: Any = Distractors(config, SplatfactoModelConfig(), five, background=background)
         at_hand.thresholds = by or Thresholds()
         at_hand.sweep.unexplained = lambda *_: unexplained
+        if earlier is not None:
+            at_hand.regions[0] = earlier
         step = self.train_step(0, photo)
         step.mask = mask
         at_hand.look(step, self.opacities, self.state)

@@ -89,6 +89,22 @@ def test_what_nobody_knows_makes_no_region_and_joins_one():
     assert not with_an_occluder(upper_alone)[27:].any()
 
 
+def test_what_stands_out_at_a_later_visit_founds_a_region_only_if_others_differ_much():
+    """By more than they have to at first; what was in a region before stays in it."""
+    no_region = torch.zeros(HEIGHT // 2, WIDTH // 2, dtype=torch.bool)
+    region = no_region.clone()
+    region[5:15, 10:20] = True
+    for earlier, difference, is_found in (
+        (None, 0.15, True),
+        (no_region, 0.15, False),
+        (no_region, 0.25, True),
+        (region, 0.15, True),
+    ):
+        scene, unexplained = seen_often(), torch.full((HEIGHT, WIDTH), difference)
+        found = scene.find(scene.with_an_occluder(), unexplained=unexplained, earlier=earlier)
+        assert found[12:28, 22:38].all() == found.any() == is_found
+
+
 def test_of_the_scenes_own_detail_in_another_light_hardly_any_is_in_a_region():
     scene = seen_often()
     y, x = torch.meshgrid(torch.arange(HEIGHT), torch.arange(WIDTH), indexing="ij")
